@@ -53,6 +53,9 @@ anchors : AnchorMap
 tags : list of Tag
 matcher : ScanMatcher, optional
     Obtains the heading from scans on the map; without it, the heading follows from motion.
+landmarks : LandmarkSensor, optional
+tag_conditioner : TagConditionerConfig, optional
+    Conditions the fixes of tags before they are used.
 
 Raises
 ------
@@ -70,13 +73,15 @@ Examples
       .def(py::init([](const Config& config, const locfuse::PoseEkf::Config& estimator,
                        std::shared_ptr<locfuse::AnchorMap> anchors, std::vector<locfuse::Tag> tags,
                        const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher,
-                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
+                       const std::optional<locfuse::LandmarkSensor>& landmarks,
+                       const std::optional<locfuse::TagConditioner::Config>& tag_conditioner) {
              return Initializer(config, estimator, std::move(anchors), std::move(tags),
                                 matcher.value_or(nullptr),
-                                landmarks.value_or(locfuse::LandmarkSensor{}));
+                                landmarks.value_or(locfuse::LandmarkSensor{}), tag_conditioner);
            }),
            py::arg("config"), py::arg("estimator"), py::arg("anchors"), py::arg("tags"),
-           py::arg("matcher") = py::none(), py::arg("landmarks") = py::none())
+           py::arg("matcher") = py::none(), py::arg("landmarks") = py::none(),
+           py::arg("tag_conditioner") = py::none())
       .def("on", py::overload_cast<const locfuse::Velocity&>(&Initializer::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&Initializer::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Range&>(&Initializer::on), py::arg("message"))

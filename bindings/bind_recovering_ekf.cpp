@@ -23,6 +23,8 @@ void bind_recovering_ekf(py::module_& m) {
                      "List of KnownLandmark that a LandmarkEkf begins with.")
       .def_readwrite("start", &Config::start)
       .def_readwrite("health", &Config::health)
+      .def_readwrite("tag_conditioner", &Config::tag_conditioner,
+                     "TagConditionerConfig of the fixes of tags before they are fused, or None.")
       .def_readwrite("restart", &Config::restart, "Whether to relocalize while lost.");
   py::class_<RecoveringEkf>(
       m, "RecoveringEkf",

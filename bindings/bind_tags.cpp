@@ -227,6 +227,11 @@ void bind_conditioner(py::module_& m) {
   py::class_<ConditionedFix>(m, "ConditionedFix", "RTLS fix after conditioning.")
       .def_readonly("verdict", &ConditionedFix::verdict)
       .def_readonly("fix", &ConditionedFix::fix, "Bias removed, low-passed; None unless it passed.")
+      .def_readonly("distance", &ConditionedFix::distance,
+                    "Of JUMP, from the last that passed; of FROZEN, 0 [m]; else NaN.")
+      .def_readonly("limit", &ConditionedFix::limit,
+                    "What the distance had to be at most (JUMP), or the tag moved more than "
+                    "(FROZEN) [m]; else NaN.")
       .def("__repr__", [](const ConditionedFix& c) {
         return std::string("ConditionedFix(") + (c.fix ? "passed" : "rejected") + ")";
       });
@@ -247,8 +252,8 @@ void bind_conditioner(py::module_& m) {
       m, "TagConditioner",
       R"(Conditions the fixes of an RTLS, per tag, before they reach a filter.
 
-Removes a constant bias, rejects jumps and frozen values, and low-passes the rest;
-docs/models/tag_triangle_ekf.md.
+Removes a constant bias, rejects jumps and frozen values, and low-passes the rest, whose lag at most
+is added to the covariance; docs/models/tag_triangle_ekf.md. Feed it in order of effective stamps.
 
 Parameters
 ----------

@@ -48,9 +48,9 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_estimators(m);
   bind_air_ekf(m);
   bind_gyro_odometry(m);
+  bind_tags(m);
   bind_initializer(m);
   bind_landmark_ekf(m);
-  bind_tags(m);
   bind_health(m);
   bind_recovering_ekf(m);
   bind_mcl(m);

@@ -25,6 +25,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "## `cylinders`": schema.Cylinders,
     "## `scan_odometry`": schema.ScanOdometry,
     "## `imu`": schema.Imu,
+    "## `tag_conditioner`": schema.TagConditioner,
     "## `estimator`": schema.Estimator,
     "### `estimator.landmark_slam`": schema.LandmarkSlam,
     "### `estimator.tag_triangle`": schema.TagTriangle,

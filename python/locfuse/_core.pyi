@@ -3271,146 +3271,479 @@ class AirEkf:
         Number of times a variance was clamped to its bounds.
         """
 
-class GyroTurn(enum.Enum):
+class RigidFitStatus(enum.Enum):
     """
-    How a turn is made of wheels and gyro.
-    """
-
-    AVERAGE = ...
-    WEIGHTED = ...
-
-class GyroVerdict(enum.Enum):
-    """
-    Outcome of a motion.
+    Result of a rigid fit.
     """
 
-    NO_GYRO = ...
-    SLIPPED = ...
-    TURNED = ...
+    FITTED = ...
+    MIRRORED = ...
+    NOT_CONVERGED = ...
+    NO_DIRECTION = ...
 
-class GyroOdometryConfig:
+class RigidFit:
     """
-    Settings of a GyroOdometry.
+    Pose of a rigid body from measured points.
     """
+    def __repr__(self) -> str: ...
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        Covariance of (x, y, heading), shape (3, 3).
+        """
+    @property
+    def dof(self) -> int:
+        """
+        Degrees of freedom of `nis`: 2 n - 3.
+        """
+    @property
+    def nis(self) -> float:
+        """
+        Chi-square of the points against a rigid body.
+        """
+    @property
+    def pose(self) -> Pose2:
+        """
+        T_world_body; NaN if NO_DIRECTION.
+        """
+    @property
+    def status(self) -> RigidFitStatus: ...
 
-    turn: GyroTurn
+class PointMotionConfig:
+    """
+    White acceleration of a point.
+    """
     def __init__(self) -> None: ...
     @property
-    def odometry(self) -> OdometryConfig:
+    def sigma_velocity_per_sqrt_s(self) -> float:
         """
-        Noise of the wheels, an OdometryConfig.
+        m/s / sqrt(s), of each axis.
         """
-    @odometry.setter
-    def odometry(self, arg0: OdometryConfig) -> None: ...
-    @property
-    def sigma_bias_radps(self) -> float:
-        """
-        Of its bias at the start [rad/s].
-        """
-    @sigma_bias_radps.setter
-    def sigma_bias_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def sigma_bias_radps_per_sqrt_s(self) -> float:
-        """
-        Random walk of the bias [rad/s / sqrt(s)].
-        """
-    @sigma_bias_radps_per_sqrt_s.setter
-    def sigma_bias_radps_per_sqrt_s(
+    @sigma_velocity_per_sqrt_s.setter
+    def sigma_velocity_per_sqrt_s(
         self, arg0: typing.SupportsFloat | typing.SupportsIndex
     ) -> None: ...
-    @property
-    def sigma_scale(self) -> float:
-        """
-        Of the gyro's scale.
-        """
-    @sigma_scale.setter
-    def sigma_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def sigma_turn_per_sqrt_s(self) -> float:
-        """
-        White noise of the gyro [rad / sqrt(s)].
-        """
-    @sigma_turn_per_sqrt_s.setter
-    def sigma_turn_per_sqrt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def sigma_turn_scale(self) -> float:
-        """
-        Of the scale of the wheels' turn.
-        """
-    @sigma_turn_scale.setter
-    def sigma_turn_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
-class GyroMotion:
+class VelocityConfig:
     """
-    A motion whose turn is by wheels and gyro.
+    Velocity noise: that of the wheels, common to all points of the body, and that of each point.
     """
+    def __init__(self) -> None: ...
     @property
-    def increment(self) -> Increment: ...
+    def sigma_forward_mps(self) -> float: ...
+    @sigma_forward_mps.setter
+    def sigma_forward_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
-    def verdict(self) -> GyroVerdict: ...
+    def sigma_lateral_mps(self) -> float: ...
+    @sigma_lateral_mps.setter
+    def sigma_lateral_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_point_mps(self) -> float:
+        """
+        Independent per point and axis; > 0.
+        """
+    @sigma_point_mps.setter
+    def sigma_point_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_turn_rate_radps(self) -> float: ...
+    @sigma_turn_rate_radps.setter
+    def sigma_turn_rate_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
-class GyroOdometry:
+class PointDistanceConfig:
     """
-    Odometry whose turn is measured by wheels and a gyro together; docs/models/gyro_odometry.md.
+    Noise of a known distance.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def sigma_m(self) -> float: ...
+    @sigma_m.setter
+    def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
-    Feed messages in order of arrival. The gyro's bias and the scale of the wheels' turn are learnt from
-    their differences; where the two contradict each other wheels slip, and the turn is the gyro's. With
-    an accelerometer the turn is that about the vertical, however the sensor is mounted.
+class VelocityModel:
+    """
+    Velocities of points on a body from wheel odometry; docs/models/velocity.md.
+    """
+    @staticmethod
+    def predict(
+        heading: typing.SupportsFloat | typing.SupportsIndex,
+        twist: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+        point_in_body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
+        """
+        Velocity (2,) in world [m/s] of a point on a body with `twist` (forward [m/s], left [m/s], turn rate [rad/s]).
+        """
+    def __init__(self, config: VelocityConfig) -> None: ...
+    def linearize(
+        self,
+        velocities: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[6, 1]"],
+        heading: typing.SupportsFloat | typing.SupportsIndex,
+        twist: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+        points_in_body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 2]"],
+    ) -> Linearization:
+        """
+        Linearization (6 x 6) of three points (3, 2) with velocities (6,) in world.
+        """
+
+class PointDistanceModel:
+    """
+    Known distance between two points; docs/models/point_distance.md.
+    """
+    @staticmethod
+    def predict(
+        a: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        b: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+    ) -> float: ...
+    def __init__(self, config: PointDistanceConfig) -> None: ...
+    def linearize(
+        self,
+        a: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        b: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
+        distance: typing.SupportsFloat | typing.SupportsIndex,
+    ) -> Linearization | None:
+        """
+        Linearization (1 x 4) with respect to (a, b); None if the points coincide.
+        """
+
+class TagOrderVerdict(enum.Enum):
+    """
+    Whether fixes of three tags match their triangle.
+    """
+
+    AMBIGUOUS = ...
+    FITS = ...
+    NO_FIT = ...
+    SWAPPED = ...
+
+class TagOrder:
+    """
+    Assignment of ids to three tags from fixes of one epoch.
+    """
+    def __repr__(self) -> str: ...
+    def __str__(self) -> str: ...
+    @property
+    def best(self) -> float:
+        """
+        NIS with `ids`.
+        """
+    @property
+    def given(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
+        """
+        The ids of the fixes.
+        """
+    @property
+    def ids(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
+        """
+        Ids that fit best, in the order of the fixes.
+        """
+    @property
+    def limit(self) -> float:
+        """
+        Largest `nis` that passes.
+        """
+    @property
+    def nis(self) -> float:
+        """
+        NIS with the given ids, 3 degrees of freedom.
+        """
+    @property
+    def verdict(self) -> TagOrderVerdict: ...
+
+class TagVerdict(enum.Enum):
+    """
+    Result of conditioning an RTLS fix.
+    """
+
+    FROZEN = ...
+    JUMP = ...
+    PASSED = ...
+    RESTARTED = ...
+    STALE = ...
+    UNKNOWN_TAG = ...
+
+class ConditionedFix:
+    """
+    RTLS fix after conditioning.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def distance(self) -> float:
+        """
+        Of JUMP, from the last that passed; of FROZEN, 0 [m]; else NaN.
+        """
+    @property
+    def fix(self) -> PositionFix | None:
+        """
+        Bias removed, low-passed; None unless it passed.
+        """
+    @property
+    def limit(self) -> float:
+        """
+        What the distance had to be at most (JUMP), or the tag moved more than (FROZEN) [m]; else NaN.
+        """
+    @property
+    def verdict(self) -> TagVerdict: ...
+
+class TagConditionerConfig:
+    """
+    Properties of the RTLS and limits of the machine.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def bias_x_m(self) -> float:
+        """
+        Bias subtracted from every fix, in world [m].
+        """
+    @bias_x_m.setter
+    def bias_x_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def bias_y_m(self) -> float: ...
+    @bias_y_m.setter
+    def bias_y_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def cutoff_hz(self) -> float:
+        """
+        Cutoff of the low-pass [Hz]; 0: none.
+        """
+    @cutoff_hz.setter
+    def cutoff_hz(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def frozen_motion_m(self) -> float:
+        """
+        A fix that stays equal over this motion is FROZEN [m].
+        """
+    @frozen_motion_m.setter
+    def frozen_motion_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def hold_s(self) -> float:
+        """
+        Timeout of a velocity [s].
+        """
+    @hold_s.setter
+    def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def jump_margin_m(self) -> float:
+        """
+        Margin beyond the distance at that speed [m].
+        """
+    @jump_margin_m.setter
+    def jump_margin_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def max_speed_mps(self) -> float:
+        """
+        Maximum speed of a tag [m/s].
+        """
+    @max_speed_mps.setter
+    def max_speed_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def restart_after(self) -> int:
+        """
+        Number of jumps in a row after which it restarts.
+        """
+    @restart_after.setter
+    def restart_after(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+
+class TagConditioner:
+    """
+    Conditions the fixes of an RTLS, per tag, before they reach a filter.
+
+    Removes a constant bias, rejects jumps and frozen values, and low-passes the rest, whose lag at most
+    is added to the covariance; docs/models/tag_triangle_ekf.md. Feed it in order of effective stamps.
 
     Parameters
     ----------
-    config : GyroOdometryConfig
+    config : TagConditionerConfig
+    tags : list of Tag
 
     Raises
     ------
     ValueError
-        If a sigma is out of bounds, or a message is not valid.
+        If the config is out of range or the tags are not valid.
+    """
+    def __init__(
+        self, config: TagConditionerConfig, tags: collections.abc.Sequence[Tag]
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @typing.overload
+    def on(self, message: Velocity) -> None: ...
+    @typing.overload
+    def on(self, message: Increment) -> None:
+        """
+        Processes wheel odometry, from which the motion of each tag follows, or conditions a fix.
+        """
+    @typing.overload
+    def on(self, message: PositionFix) -> ConditionedFix: ...
+
+class TagTriangleEkfConfig:
+    """
+    Motion, noise and gates of a TagTriangleEkf.
+    """
+
+    limits: Limits
+    motion: PointMotionConfig
+    position: PositionConfig
+    range: RangeConfig
+    side: PointDistanceConfig
+    velocity: VelocityConfig
+    def __init__(self) -> None: ...
+    @property
+    def gate_position(self) -> float:
+        """
+        Probability that an inlier fix passes.
+        """
+    @gate_position.setter
+    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_range(self) -> float: ...
+    @gate_range.setter
+    def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_side(self) -> float: ...
+    @gate_side.setter
+    def gate_side(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate_velocity(self) -> float: ...
+    @gate_velocity.setter
+    def gate_velocity(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def heading_is_known(self) -> bool:
+        """
+        Whether the heading that rotates wheel velocities is taken as exact, as in the paper; otherwise that of the tags is used, with its Jacobian.
+        """
+    @heading_is_known.setter
+    def heading_is_known(self, arg0: bool) -> None: ...
+    @property
+    def holds_sides(self) -> bool:
+        """
+        Whether fixes and ranges are followed by the sides, once for all of a stamp, where there has been no odometry for a second.
+        """
+    @holds_sides.setter
+    def holds_sides(self, arg0: bool) -> None: ...
+    @property
+    def sides_m(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
+        """
+        Measured sides (3,) [m] from tag 0 to 1, 1 to 2, 2 to 0, or None.
+        """
+    @sides_m.setter
+    def sides_m(
+        self, arg0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] | None
+    ) -> None: ...
+    @property
+    def sigma_start_velocity_mps(self) -> float: ...
+    @sigma_start_velocity_mps.setter
+    def sigma_start_velocity_mps(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
+class TagTriangleEkf:
+    """
+    Extended Kalman filter over positions and velocities of three tags.
+
+    The 12-state filter of celan2017, section III.D: fixes of the tags, their velocities from wheel
+    odometry, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
+    `tag0.position` to `tag2.position`, then `tag0.velocity` to `tag2.velocity`.
+
+    Parameters
+    ----------
+    config : TagTriangleEkfConfig
+    tags : list of Tag
+        Three, not collinear.
+    start : PoseEstimate or list of PositionFix
+        A pose, or one fix per tag with the same stamp.
+    anchors : AnchorMap, optional
+        For ranges.
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range, the tags do not form a triangle, the start is not finite and
+        positive definite, or fixes do not match the triangle; the text names the ids that would.
 
     Examples
     --------
-    >>> from locfuse.core import GyroOdometry, GyroOdometryConfig, Imu, Increment, Pose2
-    >>> odometry = GyroOdometry(GyroOdometryConfig())
-    >>> for k in range(10):
-    ...     odometry.on(Imu(k * 10**7, [0.0, 0.0, 0.5], [0.0, 0.0, 9.81]))
-    >>> motion = odometry.on(Increment(0, 10**8, Pose2(0.1, 0.0, 0.05)))
-    >>> motion.verdict.name, round(motion.increment.motion.heading, 3)
-    ('TURNED', 0.05)
+    >>> import numpy as np
+    >>> from locfuse.core import *
+    >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
+    >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
+    >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)
+    >>> ekf.on(Velocity(100_000_000, 0.3, 0.0)).verdict.name
+    'FUSED'
+    >>> ekf.on(PositionFix(1_000_000_000, [3.9, 2.0], 0.04 * np.eye(2), tag=1)).verdict.name
+    'FUSED'
     """
-    def __init__(self, config: GyroOdometryConfig) -> None: ...
-    def add(
+    def __copy__(self) -> TagTriangleEkf:
+        """
+        Independent copy.
+        """
+    def __deepcopy__(self, memo: typing.Any) -> TagTriangleEkf:
+        """
+        Independent copy.
+        """
+    @typing.overload
+    def __init__(
         self,
-        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
-        angular_rate: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-        specific_force: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
-    ) -> None:
+        config: TagTriangleEkfConfig,
+        tags: collections.abc.Sequence[Tag],
+        start: PoseEstimate,
+        anchors: AnchorMap | None = None,
+    ) -> None: ...
+    @typing.overload
+    def __init__(
+        self,
+        config: TagTriangleEkfConfig,
+        tags: collections.abc.Sequence[Tag],
+        start: collections.abc.Sequence[PositionFix],
+        anchors: AnchorMap | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    def current(self) -> PoseEstimate:
         """
-        Takes samples, a row each: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].
+        PoseEstimate at the stamp of the belief.
         """
     @typing.overload
-    def on(self, z: Imu) -> None:
+    def estimate(self) -> PoseEstimate:
         """
-        Takes a sample; one that is not newer than the last is dropped.
-        """
-    @typing.overload
-    def on(self, u: Velocity) -> GyroMotion | None:
-        """
-        Returns the motion since the velocity before; None for the first one and after a pause of a second.
+        PoseEstimate propagated to the end of the latest odometry.
         """
     @typing.overload
-    def on(self, u: Increment) -> GyroMotion | None:
+    def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> PoseEstimate:
         """
-        Returns the motion with its turn by both.
+        PoseEstimate propagated to `stamp` [ns], which must not precede the belief.
+        """
+    def fit(self) -> RigidFit:
+        """
+        RigidFit of the body to the tags; its `nis` measures their rigidity.
+        """
+    def hold_sides(self) -> Outcome:
+        """
+        Fuses the three sides at the current belief; for use without odometry and without `holds_sides`.
+        """
+    @typing.overload
+    def on(self, message: PositionFix) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Velocity) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Increment) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Range) -> Outcome:
+        """
+        Fuses one message; a message that is not fused leaves the estimator unchanged. After odometry the sides of the triangle are fused.
+        """
+    def pose(self) -> Pose2: ...
+    @property
+    def belief(self) -> GaussianBelief: ...
+    @property
+    def interventions(self) -> int:
+        """
+        Number of times a variance was clamped to its bounds.
         """
     @property
-    def bias(self) -> float:
+    def sides(self) -> Outcome:
         """
-        Of the gyro about the vertical, as known now [rad/s].
+        Outcomes of the three sides that were fused last.
         """
     @property
-    def sigma_bias(self) -> float:
-        """
-        [rad/s].
-        """
+    def tags(self) -> list[Tag]: ...
 
 class StartStatus(enum.Enum):
     """
@@ -3510,6 +3843,9 @@ class Initializer:
     tags : list of Tag
     matcher : ScanMatcher, optional
         Obtains the heading from scans on the map; without it, the heading follows from motion.
+    landmarks : LandmarkSensor, optional
+    tag_conditioner : TagConditionerConfig, optional
+        Conditions the fixes of tags before they are used.
 
     Raises
     ------
@@ -3532,6 +3868,7 @@ class Initializer:
         tags: collections.abc.Sequence[Tag],
         matcher: ScanMatcher | None = None,
         landmarks: LandmarkSensor | None = None,
+        tag_conditioner: TagConditionerConfig | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf:
@@ -3771,470 +4108,6 @@ class LandmarkEkf:
         """
         Number of times a variance was clamped to its bounds.
         """
-
-class RigidFitStatus(enum.Enum):
-    """
-    Result of a rigid fit.
-    """
-
-    FITTED = ...
-    MIRRORED = ...
-    NOT_CONVERGED = ...
-    NO_DIRECTION = ...
-
-class RigidFit:
-    """
-    Pose of a rigid body from measured points.
-    """
-    def __repr__(self) -> str: ...
-    @property
-    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
-        """
-        Covariance of (x, y, heading), shape (3, 3).
-        """
-    @property
-    def dof(self) -> int:
-        """
-        Degrees of freedom of `nis`: 2 n - 3.
-        """
-    @property
-    def nis(self) -> float:
-        """
-        Chi-square of the points against a rigid body.
-        """
-    @property
-    def pose(self) -> Pose2:
-        """
-        T_world_body; NaN if NO_DIRECTION.
-        """
-    @property
-    def status(self) -> RigidFitStatus: ...
-
-class PointMotionConfig:
-    """
-    White acceleration of a point.
-    """
-    def __init__(self) -> None: ...
-    @property
-    def sigma_velocity_per_sqrt_s(self) -> float:
-        """
-        m/s / sqrt(s), of each axis.
-        """
-    @sigma_velocity_per_sqrt_s.setter
-    def sigma_velocity_per_sqrt_s(
-        self, arg0: typing.SupportsFloat | typing.SupportsIndex
-    ) -> None: ...
-
-class VelocityConfig:
-    """
-    Velocity noise: that of the wheels, common to all points of the body, and that of each point.
-    """
-    def __init__(self) -> None: ...
-    @property
-    def sigma_forward_mps(self) -> float: ...
-    @sigma_forward_mps.setter
-    def sigma_forward_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def sigma_lateral_mps(self) -> float: ...
-    @sigma_lateral_mps.setter
-    def sigma_lateral_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def sigma_point_mps(self) -> float:
-        """
-        Independent per point and axis; > 0.
-        """
-    @sigma_point_mps.setter
-    def sigma_point_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def sigma_turn_rate_radps(self) -> float: ...
-    @sigma_turn_rate_radps.setter
-    def sigma_turn_rate_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-
-class PointDistanceConfig:
-    """
-    Noise of a known distance.
-    """
-    def __init__(self) -> None: ...
-    @property
-    def sigma_m(self) -> float: ...
-    @sigma_m.setter
-    def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-
-class VelocityModel:
-    """
-    Velocities of points on a body from wheel odometry; docs/models/velocity.md.
-    """
-    @staticmethod
-    def predict(
-        heading: typing.SupportsFloat | typing.SupportsIndex,
-        twist: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
-        point_in_body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
-    ) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[2, 1]"]:
-        """
-        Velocity (2,) in world [m/s] of a point on a body with `twist` (forward [m/s], left [m/s], turn rate [rad/s]).
-        """
-    def __init__(self, config: VelocityConfig) -> None: ...
-    def linearize(
-        self,
-        velocities: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[6, 1]"],
-        heading: typing.SupportsFloat | typing.SupportsIndex,
-        twist: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
-        points_in_body: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 2]"],
-    ) -> Linearization:
-        """
-        Linearization (6 x 6) of three points (3, 2) with velocities (6,) in world.
-        """
-
-class PointDistanceModel:
-    """
-    Known distance between two points; docs/models/point_distance.md.
-    """
-    @staticmethod
-    def predict(
-        a: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
-        b: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
-    ) -> float: ...
-    def __init__(self, config: PointDistanceConfig) -> None: ...
-    def linearize(
-        self,
-        a: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
-        b: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
-        distance: typing.SupportsFloat | typing.SupportsIndex,
-    ) -> Linearization | None:
-        """
-        Linearization (1 x 4) with respect to (a, b); None if the points coincide.
-        """
-
-class TagOrderVerdict(enum.Enum):
-    """
-    Whether fixes of three tags match their triangle.
-    """
-
-    AMBIGUOUS = ...
-    FITS = ...
-    NO_FIT = ...
-    SWAPPED = ...
-
-class TagOrder:
-    """
-    Assignment of ids to three tags from fixes of one epoch.
-    """
-    def __repr__(self) -> str: ...
-    def __str__(self) -> str: ...
-    @property
-    def best(self) -> float:
-        """
-        NIS with `ids`.
-        """
-    @property
-    def given(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
-        """
-        The ids of the fixes.
-        """
-    @property
-    def ids(self) -> typing.Annotated[list[int], "FixedSize(3)"]:
-        """
-        Ids that fit best, in the order of the fixes.
-        """
-    @property
-    def limit(self) -> float:
-        """
-        Largest `nis` that passes.
-        """
-    @property
-    def nis(self) -> float:
-        """
-        NIS with the given ids, 3 degrees of freedom.
-        """
-    @property
-    def verdict(self) -> TagOrderVerdict: ...
-
-class TagVerdict(enum.Enum):
-    """
-    Result of conditioning an RTLS fix.
-    """
-
-    FROZEN = ...
-    JUMP = ...
-    PASSED = ...
-    RESTARTED = ...
-    STALE = ...
-    UNKNOWN_TAG = ...
-
-class ConditionedFix:
-    """
-    RTLS fix after conditioning.
-    """
-    def __repr__(self) -> str: ...
-    @property
-    def fix(self) -> PositionFix | None:
-        """
-        Bias removed, low-passed; None unless it passed.
-        """
-    @property
-    def verdict(self) -> TagVerdict: ...
-
-class TagConditionerConfig:
-    """
-    Properties of the RTLS and limits of the machine.
-    """
-    def __init__(self) -> None: ...
-    @property
-    def bias_x_m(self) -> float:
-        """
-        Bias subtracted from every fix, in world [m].
-        """
-    @bias_x_m.setter
-    def bias_x_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def bias_y_m(self) -> float: ...
-    @bias_y_m.setter
-    def bias_y_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def cutoff_hz(self) -> float:
-        """
-        Cutoff of the low-pass [Hz]; 0: none.
-        """
-    @cutoff_hz.setter
-    def cutoff_hz(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def frozen_motion_m(self) -> float:
-        """
-        A fix that stays equal over this motion is FROZEN [m].
-        """
-    @frozen_motion_m.setter
-    def frozen_motion_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def hold_s(self) -> float:
-        """
-        Timeout of a velocity [s].
-        """
-    @hold_s.setter
-    def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def jump_margin_m(self) -> float:
-        """
-        Margin beyond the distance at that speed [m].
-        """
-    @jump_margin_m.setter
-    def jump_margin_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def max_speed_mps(self) -> float:
-        """
-        Maximum speed of a tag [m/s].
-        """
-    @max_speed_mps.setter
-    def max_speed_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def restart_after(self) -> int:
-        """
-        Number of jumps in a row after which it restarts.
-        """
-    @restart_after.setter
-    def restart_after(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
-
-class TagConditioner:
-    """
-    Conditions the fixes of an RTLS, per tag, before they reach a filter.
-
-    Removes a constant bias, rejects jumps and frozen values, and low-passes the rest;
-    docs/models/tag_triangle_ekf.md.
-
-    Parameters
-    ----------
-    config : TagConditionerConfig
-    tags : list of Tag
-
-    Raises
-    ------
-    ValueError
-        If the config is out of range or the tags are not valid.
-    """
-    def __init__(
-        self, config: TagConditionerConfig, tags: collections.abc.Sequence[Tag]
-    ) -> None: ...
-    def __repr__(self) -> str: ...
-    @typing.overload
-    def on(self, message: Velocity) -> None: ...
-    @typing.overload
-    def on(self, message: Increment) -> None:
-        """
-        Processes wheel odometry, from which the motion of each tag follows, or conditions a fix.
-        """
-    @typing.overload
-    def on(self, message: PositionFix) -> ConditionedFix: ...
-
-class TagTriangleEkfConfig:
-    """
-    Motion, noise and gates of a TagTriangleEkf.
-    """
-
-    limits: Limits
-    motion: PointMotionConfig
-    position: PositionConfig
-    range: RangeConfig
-    side: PointDistanceConfig
-    velocity: VelocityConfig
-    def __init__(self) -> None: ...
-    @property
-    def gate_position(self) -> float:
-        """
-        Probability that an inlier fix passes.
-        """
-    @gate_position.setter
-    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_range(self) -> float: ...
-    @gate_range.setter
-    def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_side(self) -> float: ...
-    @gate_side.setter
-    def gate_side(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_velocity(self) -> float: ...
-    @gate_velocity.setter
-    def gate_velocity(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def heading_is_known(self) -> bool:
-        """
-        Whether the heading that rotates wheel velocities is taken as exact, as in the paper; otherwise that of the tags is used, with its Jacobian.
-        """
-    @heading_is_known.setter
-    def heading_is_known(self, arg0: bool) -> None: ...
-    @property
-    def holds_sides(self) -> bool:
-        """
-        Whether fixes and ranges are followed by the sides, once for all of a stamp, where there has been no odometry for a second.
-        """
-    @holds_sides.setter
-    def holds_sides(self, arg0: bool) -> None: ...
-    @property
-    def sides_m(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
-        """
-        Measured sides (3,) [m] from tag 0 to 1, 1 to 2, 2 to 0, or None.
-        """
-    @sides_m.setter
-    def sides_m(
-        self, arg0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] | None
-    ) -> None: ...
-    @property
-    def sigma_start_velocity_mps(self) -> float: ...
-    @sigma_start_velocity_mps.setter
-    def sigma_start_velocity_mps(
-        self, arg0: typing.SupportsFloat | typing.SupportsIndex
-    ) -> None: ...
-
-class TagTriangleEkf:
-    """
-    Extended Kalman filter over positions and velocities of three tags.
-
-    The 12-state filter of celan2017, section III.D: fixes of the tags, their velocities from wheel
-    odometry, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
-    `tag0.position` to `tag2.position`, then `tag0.velocity` to `tag2.velocity`.
-
-    Parameters
-    ----------
-    config : TagTriangleEkfConfig
-    tags : list of Tag
-        Three, not collinear.
-    start : PoseEstimate or list of PositionFix
-        A pose, or one fix per tag with the same stamp.
-    anchors : AnchorMap, optional
-        For ranges.
-
-    Raises
-    ------
-    ValueError
-        If the config is out of range, the tags do not form a triangle, the start is not finite and
-        positive definite, or fixes do not match the triangle; the text names the ids that would.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from locfuse.core import *
-    >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
-    >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
-    >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)
-    >>> ekf.on(Velocity(100_000_000, 0.3, 0.0)).verdict.name
-    'FUSED'
-    >>> ekf.on(PositionFix(1_000_000_000, [3.9, 2.0], 0.04 * np.eye(2), tag=1)).verdict.name
-    'FUSED'
-    """
-    def __copy__(self) -> TagTriangleEkf:
-        """
-        Independent copy.
-        """
-    def __deepcopy__(self, memo: typing.Any) -> TagTriangleEkf:
-        """
-        Independent copy.
-        """
-    @typing.overload
-    def __init__(
-        self,
-        config: TagTriangleEkfConfig,
-        tags: collections.abc.Sequence[Tag],
-        start: PoseEstimate,
-        anchors: AnchorMap | None = None,
-    ) -> None: ...
-    @typing.overload
-    def __init__(
-        self,
-        config: TagTriangleEkfConfig,
-        tags: collections.abc.Sequence[Tag],
-        start: collections.abc.Sequence[PositionFix],
-        anchors: AnchorMap | None = None,
-    ) -> None: ...
-    def __repr__(self) -> str: ...
-    def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
-    def current(self) -> PoseEstimate:
-        """
-        PoseEstimate at the stamp of the belief.
-        """
-    @typing.overload
-    def estimate(self) -> PoseEstimate:
-        """
-        PoseEstimate propagated to the end of the latest odometry.
-        """
-    @typing.overload
-    def estimate(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> PoseEstimate:
-        """
-        PoseEstimate propagated to `stamp` [ns], which must not precede the belief.
-        """
-    def fit(self) -> RigidFit:
-        """
-        RigidFit of the body to the tags; its `nis` measures their rigidity.
-        """
-    def hold_sides(self) -> Outcome:
-        """
-        Fuses the three sides at the current belief; for use without odometry and without `holds_sides`.
-        """
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Velocity) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Increment) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Range) -> Outcome:
-        """
-        Fuses one message; a message that is not fused leaves the estimator unchanged. After odometry the sides of the triangle are fused.
-        """
-    def pose(self) -> Pose2: ...
-    @property
-    def belief(self) -> GaussianBelief: ...
-    @property
-    def interventions(self) -> int:
-        """
-        Number of times a variance was clamped to its bounds.
-        """
-    @property
-    def sides(self) -> Outcome:
-        """
-        Outcomes of the three sides that were fused last.
-        """
-    @property
-    def tags(self) -> list[Tag]: ...
 
 class HealthState(enum.Enum):
     """
@@ -4593,6 +4466,13 @@ class RecoveringEkfConfig:
         """
     @start_height.setter
     def start_height(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def tag_conditioner(self) -> TagConditionerConfig | None:
+        """
+        TagConditionerConfig of the fixes of tags before they are fused, or None.
+        """
+    @tag_conditioner.setter
+    def tag_conditioner(self, arg0: TagConditionerConfig | None) -> None: ...
     @property
     def tracker(self) -> LandmarkEkfConfig | TagTriangleEkfConfig | AirEkfConfig | None:
         """

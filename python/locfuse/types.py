@@ -353,7 +353,8 @@ class Outcomes:
         ``implausible``.
     nis, log_likelihood, residual : float64 arrays, shape (n,)
         Normalised innovation squared, log density of the innovation, and its first row in the
-        measurement's unit; NaN where nothing was compared.
+        measurement's unit; NaN where nothing was compared. The residual of a fix that was rejected
+        by its conditioner is the distance from the last, metres.
     dof : int64 array, shape (n,)
         Rows of the innovation; 0 where nothing was compared.
     reason : array of str, shape (n,)

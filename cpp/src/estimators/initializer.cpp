@@ -242,7 +242,8 @@ PoseEkf::Config independent(PoseEkf::Config config) {
 
 Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
                          std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks)
+                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks,
+                         const std::optional<TagConditioner::Config>& tag_conditioner)
     : config_(config),
       estimator_(estimator),
       anchors_(std::move(anchors)),
@@ -266,6 +267,9 @@ Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
   in_range("probability_ready", config.probability_ready, 0.5, 1.0);
   in_range("sigma_xy_ready_m", config.sigma_xy_ready_m, 0.0, kInfinity);
   in_range("sigma_heading_ready_rad", config.sigma_heading_ready_rad, 0.0, kInfinity);
+  if (tag_conditioner) {
+    conditioner_.emplace(*tag_conditioner, tags_);
+  }
 }
 
 void Initializer::on(const Message& message) {
@@ -315,6 +319,9 @@ void Initializer::on(const Increment& u) {
 template <class M>
 void Initializer::drive(const M& u) {
   control_ = u;
+  if (conditioner_) {
+    conditioner_->on(u);
+  }
   for (Component& component : components_) {
     component.ekf.on(u);
   }
@@ -456,12 +463,18 @@ Initializer::Link* Initializer::link_of(const Range& z) {
 
 // Positions, poses, scans -------------------------------------------------------------------------
 
-void Initializer::on(const PositionFix& z) {
-  validate(z);
-  if (!is_plausible(z, estimator_.limits)) {
+void Initializer::on(const PositionFix& received) {
+  validate(received);
+  if (!is_plausible(received, estimator_.limits)) {
     return;
   }
   attempt([&] {
+    const std::optional<PositionFix> conditioned =
+        conditioner_ ? conditioner_->conditioned(received) : received;
+    if (!conditioned) {
+      return;
+    }
+    const PositionFix& z = *conditioned;
     const PositionModel model(estimator_.position, tags_);
     const std::optional<Vector<2>> lever = model.lever(z.tag);
     const ReportedNoise<2> noise = model.noise(z);

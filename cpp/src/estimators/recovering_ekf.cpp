@@ -74,11 +74,13 @@ RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorM
                              LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config,
-          Initializer(config.start, config.estimator, anchors, tags, std::move(matcher), landmarks),
+          Initializer(config.start, config.estimator, anchors, tags, std::move(matcher), landmarks,
+                      config.tag_conditioner),
           std::move(anchors), std::move(tags), std::move(landmarks),
           config.restart && (!config.tracker ||
                              std::holds_alternative<TagTriangleEkf::Config>(*config.tracker))})),
       start_(recipe_->fresh),
+      conditioner_(recipe_->fresh.conditioner()),
       health_(config.health) {
   (void)tracker_at({0, {}, Matrix<3, 3>::Identity()}, recipe_->fresh);  // checks
 }
@@ -87,6 +89,7 @@ void RecoveringEkf::start_at(const PoseEstimate& start) { start_with(tracker_at(
 
 void RecoveringEkf::start_from(const Initializer& found) {
   start_with(tracker_at(found.estimator().current(), found));
+  conditioner_ = found.conditioner();
 }
 
 /// A filter that starts at `start`, with the last odometry of a search.
@@ -135,6 +138,7 @@ RecoveringEkf RecoveringEkf::restarted(const PoseEstimate& start) const {
     }
   }));
   other.control_.reset();
+  other.conditioner_ = recipe_->fresh.conditioner();
   return other;
 }
 
@@ -206,6 +210,10 @@ Outcome RecoveringEkf::drive(const M& u) {
   Outcome outcome{Verdict::kIgnored};
   if (tracker_) {
     outcome = of(*tracker_, [&](auto& ekf) { return ekf.on(u); });
+    if (conditioner_ && outcome.verdict != Verdict::kImplausible &&
+        outcome.verdict != Verdict::kStale) {
+      conditioner_->on(u);
+    }
     health_.advance(belief().stamp);
     listen();
   }
@@ -214,8 +222,28 @@ Outcome RecoveringEkf::drive(const M& u) {
   return outcome;
 }
 
+Outcome RecoveringEkf::fuse_conditioned(const PositionFix& z) {
+  if (!is_plausible(z, recipe_->config.estimator.limits)) {
+    return {Verdict::kImplausible};
+  }
+  const ConditionedFix result = conditioner_->on(z);
+  if (!result.fix && result.verdict != TagVerdict::kUnknownTag) {
+    Outcome rejected{result.verdict == TagVerdict::kStale ? Verdict::kStale
+                                                          : Verdict::kImplausible};
+    rejected.residual = result.distance;
+    rejected.limit = result.limit;
+    return rejected;
+  }
+  return of(*tracker_, [&](auto& ekf) { return ekf.on(result.fix.value_or(z)); });
+}
+
 template <class M>
 Outcome RecoveringEkf::fuse(const M& z) {
+  if constexpr (std::is_same_v<M, PositionFix>) {
+    if (conditioner_) {
+      return fuse_conditioned(z);
+    }
+  }
   if constexpr (std::is_same_v<M, Range>) {
     if (health_.is_excluded(named_source_of(z))) {
       return of(*tracker_, [&](auto& ekf) {

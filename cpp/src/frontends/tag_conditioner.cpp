@@ -60,8 +60,10 @@ void TagConditioner::drive_to(Stamp stamp) {
     const Vector<2> velocity(held_->forward - held_->turn_rate * track.lever.y(),
                              held_->left + held_->turn_rate * track.lever.x());
     track.driven += seconds * velocity.norm();
+    track.moved += seconds * velocity.norm();
   }
   held_->stamp = until;
+  driven_until_ = std::max(driven_until_, until);
 }
 
 void TagConditioner::on(const Velocity& u) {
@@ -74,8 +76,11 @@ void TagConditioner::on(const Velocity& u) {
 void TagConditioner::on(const Increment& u) {
   validate(u);
   for (Track& track : tracks_) {
-    track.driven += (u.motion.act(track.lever) - track.lever).norm();
+    const double distance = (u.motion.act(track.lever) - track.lever).norm();
+    track.driven += distance;
+    track.moved += distance;
   }
+  driven_until_ = std::max(driven_until_, u.stamp);
 }
 
 /// Eq. (9) and (10) of docs/models/tag_triangle_ekf.md.
@@ -103,35 +108,51 @@ ConditionedFix TagConditioner::on(const PositionFix& z) {
     track->reported = z.position;
     track->driven = 0.0;
   } else if (track->driven > config_.frozen_motion_m) {
-    return {TagVerdict::kFrozen, {}};
+    return {TagVerdict::kFrozen, {}, 0.0, config_.frozen_motion_m};
   }
   const double seconds = seconds_between(track->stamp, z.stamp);
   const double reach = config_.max_speed_mps * seconds + config_.jump_margin_m;
-  if ((position - track->passed).norm() <= reach) {
+  const double distance = (position - track->passed).norm();
+  if (distance <= reach) {
     return pass(*track, z, position, TagVerdict::kPassed);
   }
   if (++track->jumps < config_.restart_after) {
-    return {TagVerdict::kJump, {}};
+    return {TagVerdict::kJump, {}, distance, reach};
   }
   track->has_fix = false;
   return pass(*track, z, position, TagVerdict::kRestarted);
 }
 
+/// How far a tag has moved since the last fix that passed: by odometry, and at full speed since
+/// that has ended.
+double TagConditioner::most_moved(const Track& track, Stamp stamp) const {
+  const Stamp covered = std::min(stamp, std::max(driven_until_, track.stamp));
+  const double moved = track.moved + config_.max_speed_mps * seconds_between(covered, stamp);
+  return std::min(moved, kMaxPosition);
+}
+
+/// Eq. (9), and (13) and (14) for the covariance.
 ConditionedFix TagConditioner::pass(Track& track, const PositionFix& z, const Vector<2>& position,
                                     TagVerdict verdict) const {
   if (track.has_fix && config_.cutoff_hz > 0.0) {
     const double share =  // of the new value
         -std::expm1(-2.0 * kPi * config_.cutoff_hz * seconds_between(track.stamp, z.stamp));
     track.smooth += share * (position - track.smooth);
+    track.lag = (1.0 - share) * std::min(track.lag + most_moved(track, z.stamp), kMaxPosition);
   } else {
     track.smooth = position;
+    track.lag = 0.0;
   }
   track.has_fix = true;
   track.passed = position;
   track.stamp = z.stamp;
+  track.moved = 0.0;
   track.jumps = 0;
   PositionFix fix = z;
   fix.position = track.smooth;
+  if (z.covariance.diagonal().minCoeff() > 0.0) {
+    fix.covariance.diagonal().array() += track.lag * track.lag;
+  }
   return {verdict, fix};
 }
 

@@ -159,7 +159,7 @@ def frozen_fixes(context: Context) -> Iterator[Finding]:
         yield error(f"the position {of}is frozen: {run.count} fixes from {begin:.3g} s to "
                     f"{end:.3g} s after the start are bit for bit the same while the wheels drive "
                     f"{run.driven_m:.3g} m", "positions.csv",
-                    "remove those rows and restart the RTLS; TagConditioner rejects them as they "
+                    "remove those rows and restart the RTLS; tag_conditioner rejects them as they "
                     "come")  # fmt: skip
 
 

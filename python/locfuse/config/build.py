@@ -18,6 +18,7 @@ from locfuse.config.schema import (
     RangeError,
     RunConfig,
     Switch,
+    TagConditioner,
 )
 from locfuse.types import Columns, ConfigError, nearest
 
@@ -101,7 +102,7 @@ def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
     recovering.estimator = build_estimator_config(config.estimator)
     if config.estimator.kind == "landmark_slam":
         recovering.tracker = build_landmark_config(config.estimator)
-    elif config.estimator.kind == "tag_triangle":
+    elif config.estimator.filter == "tag_triangle":
         recovering.tracker = build_triangle_config(config.estimator)
     elif config.estimator.kind == "air":
         recovering.tracker = build_air_config(config.estimator)
@@ -109,6 +110,7 @@ def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
         recovering.sigma_start_height = config.estimator.air.sigma_start_height_m
     recovering.start = build_initializer_config(config.initializer)
     recovering.health = build_health_config(config.health)
+    recovering.tag_conditioner = build_tag_conditioner_config(config.tag_conditioner)
     recovering.restart = config.when_lost == "restart"
     return recovering
 
@@ -120,6 +122,17 @@ def build_gyro_config(config: RunConfig) -> _core.GyroOdometryConfig:
     wheels = config.estimator if config.mcl is None else config.mcl
     _fill(gyro.odometry, wheels.odometry)
     return gyro
+
+
+def build_tag_conditioner_config(
+    conditioner: TagConditioner | None,
+) -> _core.TagConditionerConfig | None:
+    """Return the C++ struct with every value of `conditioner`; None of None."""
+    if conditioner is None:
+        return None
+    config = _core.TagConditionerConfig()
+    _fill(config, conditioner)
+    return config
 
 
 def build_cylinder_detector(cylinders: Cylinders) -> _core.CylinderDetector:

@@ -281,6 +281,11 @@ class TagTriangle(Strict):
 
     fixed: ClassVar = {"sigma_start_velocity_mps": 0.5, "gate_side": 1.0}
 
+    shape: Literal["soft", "rigid"] = "soft"
+    """`soft`: the 12 states of the paper, with the sides of the triangle as measurements; `rigid`:
+    one body on which the tags are lever arms, as `kind: pose` with the noise of `odometry`, and
+    none of the keys below.
+    """
     sigma_velocity_per_sqrt_s: Positive = 0.2
     """White acceleration of each tag [m/s/√s]."""
     velocity: TagVelocity = Field(default_factory=TagVelocity)
@@ -345,6 +350,25 @@ class Imu(Strict):
     """Sigma of the gyro's bias at the start [rad/s]."""
 
 
+class TagConditioner(Strict):
+    """What is done to fixes of tags before they are fused; ``TagConditioner::Config`` in C++."""
+
+    fixed: ClassVar = {"restart_after": 5, "frozen_motion_m": 0.1, "hold_s": 1.0}
+
+    cutoff_hz: Bounded = 0.4
+    """Cut-off of the low-pass; 0: none, as the estimator smooths better [Hz]."""
+    bias_x_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    """Bias along x that is subtracted from each fix, in world [m]."""
+    bias_y_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    """The same along y [m]."""
+    max_speed_mps: Positive = 1.4
+    """Maximum speed of a tag [m/s]."""
+    jump_margin_m: Positive = 0.8
+    """A fix is rejected that is farther from the last than this beyond the distance at that speed:
+    four sigmas of their difference [m].
+    """
+
+
 class Estimator(Strict):
     """An EKF: its kind, and its settings; ``PoseEkfConfig`` in C++ for `pose`."""
 
@@ -400,6 +424,12 @@ class Estimator(Strict):
     air: Air = Field(default_factory=Air)
     """Settings of `air` alone."""
 
+    @property
+    def filter(self) -> Kind:
+        """Kind of what fuses: a rigid triangle is a body with a pose."""
+        is_rigid = self.kind == "tag_triangle" and self.tag_triangle.shape == "rigid"
+        return "pose" if is_rigid else self.kind
+
     @model_validator(mode="after")
     def _settings_of_the_kind(self) -> Estimator:
         for key in LEFT_OUT[self.kind]:
@@ -430,7 +460,7 @@ def places_antennas(estimator: Estimator) -> bool:
 
 def ignored_by(estimator: Estimator) -> dict[Source, str]:
     """Return why an estimator ignores a source, for each one that it does not fuse."""
-    kind = estimator.kind
+    kind = estimator.filter
     why = {source: f"{kind} does not fuse {source}"
            for source in SOURCES if source not in FUSES[kind]}  # fmt: skip
     if kind == "air" and estimator.air.motion == "constant_velocity":
@@ -753,6 +783,10 @@ class RunConfig(Strict):
     """
     imu: Imu = Field(default_factory=Imu)
     """How [a gyro and wheels](models/gyro_odometry.md) measure turns, where there is a gyro."""
+    tag_conditioner: TagConditioner | None = None
+    """Condition the position fixes of tags [before they are
+    fused](models/tag_triangle_ekf.md#conditioning).
+    """
     estimator: Estimator = Field(default_factory=Estimator)
     """EKF that fuses everything but scans."""
     health: Health = Field(default_factory=Health)
@@ -833,6 +867,22 @@ class RunConfig(Strict):
         return self
 
     @model_validator(mode="after")
+    def _fixes_of_tags_are_fused(self) -> RunConfig:
+        if self.tag_conditioner is None:
+            return self
+        if "positions" not in self.use or self.estimator.kind == "landmark_slam":
+            what = (
+                "use leaves out" if "positions" not in self.use else "landmark_slam does not fuse"
+            )
+            raise ValueError(
+                f"tag_conditioner conditions positions of tags, which {what}; remove it"
+            )
+        if self.mcl is not None and self.mcl.poses_hz is None:
+            raise ValueError("tag_conditioner conditions what the EKF fuses, but mcl fuses "
+                             "positions itself; set mcl.poses_hz, or remove one")  # fmt: skip
+        return self
+
+    @model_validator(mode="after")
     def _kind_can_do_it(self) -> RunConfig:
         kind = self.estimator.kind
         if kind == "pose":
@@ -846,11 +896,12 @@ class RunConfig(Strict):
                 "start is 'auto', which finds no height; with estimator.kind 'air' set start: "
                 "[x, y, heading_deg] and estimator.air.start_height_m"
             )
-        unused = [source for source in self.use if source not in (*FUSES[kind], "imu")]
+        unused = [source for source in self.use
+                  if source not in (*FUSES[self.estimator.filter], "imu")]  # fmt: skip
         if unused and self.use != list(USABLE):
             raise ValueError(
                 f"use names {unused}, which estimator.kind {kind!r} does not fuse; expected some "
-                f"of {list(FUSES[kind])}"
+                f"of {list(FUSES[self.estimator.filter])}"
             )
         return self
 

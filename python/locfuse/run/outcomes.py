@@ -39,7 +39,7 @@ def outcomes_of(
     """
     verdict = VERDICTS[record.verdict]
     nis, dof = record.nis, record.dof
-    of_tags = config.estimator.kind == "tag_triangle"
+    of_tags = config.estimator.filter == "tag_triangle"
     reason = _reasons(messages, verdict, log, start_ns, is_of_tags=of_tags)
     for row in np.flatnonzero(verdict == "gated"):
         limit = record.limit[row]
@@ -49,6 +49,12 @@ def outcomes_of(
             reason[row] = f"left out: anchor {messages.anchor[row]} is likely wrong as a whole"
         else:
             reason[row] = "ambiguous: too near a landmark for a new one"
+    for row in np.flatnonzero((verdict == "implausible") & (record.limit > 0.0)):
+        off = record.residual[row]
+        what = (
+            f"jumped {off:.3g} m from the last fix," if off > 0.0 else "frozen, while the tag moved"
+        )
+        reason[row] = f"tag_conditioner: {what} more than {record.limit[row]:.3g} m"
     late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
     reason[late] = f"older than the history of {config.history_s:g} s"
     if record.dropped_messages:

@@ -9,7 +9,11 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import build_estimator_config, build_initializer_config
+from locfuse.config.build import (
+    build_estimator_config,
+    build_initializer_config,
+    build_tag_conditioner_config,
+)
 from locfuse.config.schema import RunConfig, StartSigma
 from locfuse.eval.errors import LONGEST_GAP_S, interpolate
 from locfuse.run.messages import Messages
@@ -148,6 +152,7 @@ def start_from_nothing(
         list(tags),
         matcher,
         landmarks,
+        build_tag_conditioner_config(config.tag_conditioner),
     )
     run = _core.find_start(initializer, messages, scans if matcher is not None else [])
     state = initializer.state()

@@ -134,7 +134,8 @@ class WorldTab:
             with self._section("Estimator"):
                 forms.fields(schema.RunConfig, (), [
                     "start", "when_lost", "use", "anchors", "start_sigma", "estimator", "mcl",
-                    "cylinders", "scan_odometry", "initializer", "health"])  # fmt: skip
+                    "cylinders", "scan_odometry", "tag_conditioner", "initializer",
+                    "health"])  # fmt: skip
             with self._section("Delivery"):
                 forms.fields(schema.RunConfig, (), ["history_s", "history_messages", "clock_jump",
                                                     "delays_s", "switched_off"])  # fmt: skip

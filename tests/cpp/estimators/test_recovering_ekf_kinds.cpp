@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "locfuse/estimators/recovering_ekf.hpp"
@@ -57,6 +58,122 @@ TEST(RecoveringEkfKinds, three_tags_are_found_from_nothing_and_tracked) {
   const Vector<3> off = local(live.estimator().estimate().pose, truth);
   EXPECT_LT(off.head<2>().norm(), 0.2);
   EXPECT_LT(std::abs(off.z()), 0.3);
+}
+
+RecoveringEkf::Config conditioned() {
+  RecoveringEkf::Config config = triangle_config();
+  config.tag_conditioner.emplace();
+  config.tag_conditioner->cutoff_hz = 0.0;
+  config.tag_conditioner->bias_x_m = 0.5;
+  return config;
+}
+
+RecoveringEkf conditioned_tags(const RecoveringEkf::Config& config = conditioned()) {
+  return {config, std::make_shared<const AnchorMap>(), testing::triangle(), nullptr};
+}
+
+TEST(RecoveringEkfKinds, conditions_fixes_of_tags_while_it_searches_and_while_it_tracks) {
+  testing::Rng rng(3);
+  const Pose2 truth{4.0, -2.0, 1.0};
+  Live live(conditioned_tags());
+  for (int step = 0; step < 200; ++step) {
+    for (PositionFix z : fixes_at(truth, step * kSecond / 5, rng)) {
+      z.position.x() += 0.5;  // bias of the RTLS
+      (void)live.on(z);
+      if (live.is_tracking()) {  // from the first estimate on
+        EXPECT_LT(local(live.estimator().current().pose, truth).head<2>().norm(), 0.3);
+      }
+    }
+  }
+  EXPECT_TRUE(live.is_tracking());
+}
+
+TEST(RecoveringEkfKinds, a_fix_that_the_conditioner_rejects_says_by_how_much) {
+  testing::Rng rng(5);
+  const Pose2 truth{1.0, 1.0, 0.3};
+  RecoveringEkf ekf = conditioned_tags();
+  ekf.start_at({0, truth, 0.04 * Matrix<3, 3>::Identity()});
+  PositionFix first = fixes_at(truth, kSecond, rng).front();
+  first.position.x() += 0.5;
+  ASSERT_EQ(ekf.on(first).verdict, Verdict::kFused);
+  ekf.on(Increment{kSecond, 2 * kSecond, {0.2, 0.0, 0.0}});
+  first.stamp = 2 * kSecond;
+  const Outcome frozen = ekf.on(first);
+  EXPECT_EQ(frozen.verdict, Verdict::kImplausible);
+  EXPECT_EQ(frozen.residual, 0.0);
+  EXPECT_EQ(frozen.limit, 0.1);
+  const GaussianBelief before = ekf.belief();
+  PositionFix z = first;
+  z.stamp = 2 * kSecond;
+  z.position += Vector<2>(3.0, 4.0);
+  const Outcome jump = ekf.on(z);
+  EXPECT_EQ(jump.verdict, Verdict::kImplausible);
+  EXPECT_NEAR(jump.residual, 5.0, 1e-12);
+  EXPECT_NEAR(jump.limit, 1.4 + 0.8, 1e-12);
+  EXPECT_EQ(jump.dof, 0);
+  EXPECT_TRUE(same_bits(ekf.belief(), before));
+  z.position = {1e9, 0.0};  // beyond the limits: the conditioner does not see it
+  const Outcome far = ekf.on(z);
+  EXPECT_EQ(far.verdict, Verdict::kImplausible);
+  EXPECT_TRUE(std::isnan(far.limit));
+  EXPECT_EQ(ekf.on(PositionFix{2 * kSecond, {1.0, 1.0}, kR}).verdict, Verdict::kNotModelled);
+}
+
+TEST(RecoveringEkfKinds, odometry_beyond_the_limits_does_not_reach_the_conditioner) {
+  RecoveringEkf ekf = conditioned_tags();
+  ekf.start_at({0, {1.0, 1.0, 0.3}, 0.04 * Matrix<3, 3>::Identity()});
+  testing::Rng rng(5);
+  PositionFix z = fixes_at({1.5, 1.0, 0.3}, kSecond, rng).front();
+  ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
+  ASSERT_EQ(ekf.on(Velocity{kSecond, 1e4, 0.0}).verdict, Verdict::kImplausible);
+  z.stamp = 2 * kSecond;  // the same value, which is frozen only if the tag moved
+  EXPECT_EQ(ekf.on(z).verdict, Verdict::kFused);
+}
+
+TEST(RecoveringEkfKinds, a_clock_that_goes_back_is_a_new_time_for_the_conditioner) {
+  RecoveringEkf ekf = conditioned_tags();
+  const PoseEstimate start{100 * kSecond, {1.0, 1.0, 0.3}, 0.04 * Matrix<3, 3>::Identity()};
+  ekf.start_at(start);
+  testing::Rng rng(5);
+  PositionFix z = fixes_at({1.5, 1.0, 0.3}, 101 * kSecond, rng).front();
+  ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
+  z.stamp = 2 * kSecond;
+  EXPECT_EQ(ekf.on(z).verdict, Verdict::kStale);
+  RecoveringEkf again = ekf.restarted({kSecond, start.pose, start.covariance});
+  EXPECT_EQ(again.on(z).verdict, Verdict::kFused);
+}
+
+TEST(RecoveringEkfKinds, a_late_fix_is_conditioned_where_it_belongs) {
+  RecoveringEkf::Config config = conditioned();
+  config.tag_conditioner->cutoff_hz = 0.3;
+  RecoveringEkf start = conditioned_tags(config);
+  start.start_at({0, {1.0, 1.0, 0.3}, 0.04 * Matrix<3, 3>::Identity()});
+  testing::Rng rng(7);
+  std::vector<PositionFix> fixes;
+  for (int step = 1; step < 40; ++step) {
+    for (PositionFix z : fixes_at({1.0, 1.0, 0.3}, step * kSecond / 5, rng)) {
+      z.position.x() += 0.5;
+      fixes.push_back(z);
+    }
+  }
+  const auto end_of = [&](const std::vector<PositionFix>& in_order_of_arrival) {
+    Timeline<RecoveringEkf> timeline(start, 2 * kSecond);
+    for (const PositionFix& z : in_order_of_arrival) {
+      timeline.on(z, [](std::size_t, const Outcome&) {});
+    }
+    return timeline.estimator().belief();
+  };
+  std::vector<PositionFix> late = fixes;
+  std::rotate(late.begin() + 50, late.begin() + 51, late.begin() + 65);  // a second late
+  EXPECT_TRUE(same_bits(end_of(late), end_of(fixes)));
+  late.erase(late.begin() + 64);
+  EXPECT_FALSE(same_bits(end_of(late), end_of(fixes)));
+}
+
+TEST(RecoveringEkfKinds, refuses_a_conditioner_out_of_range) {
+  RecoveringEkf::Config config = conditioned();
+  config.tag_conditioner->jump_margin_m = 0.0;
+  expect_refused([&] { (void)conditioned_tags(config); }, "jump_margin_m");
 }
 
 TEST(RecoveringEkfKinds, three_tags_carried_away_are_lost_and_found) {

@@ -75,6 +75,78 @@ TEST(TagConditioner, the_low_pass_lags_and_smooths_as_documented) {
   EXPECT_NEAR(square / 0.01, a / (2.0 - a), 0.03 * a / (2.0 - a));  // eq. (12)
 }
 
+TEST(TagConditioner, adds_the_lag_at_most_to_the_covariance) {
+  TagConditioner::Config config;
+  config.cutoff_hz = 0.2;
+  TagConditioner conditioner(config, kTags);
+  const double a = 1.0 - std::exp(-2.0 * kPi * 0.2);
+  double lag = 0.0;
+  Matrix<2, 2> covariance;
+  for (int i = 0; i < 60; ++i) {
+    conditioner.on(Velocity{i * kSecond, 0.3, 0.0});
+    const ConditionedFix out = conditioner.on(fix(i * kSecond, 0.3 * i, 0.0));
+    lag = 0.3 * i - out.fix->position.x();
+    covariance = out.fix->covariance;
+  }
+  EXPECT_NEAR(lag, 0.3 * (1.0 - a) / a, 1e-9);
+  expect_near(covariance, Matrix<2, 2>(kR + lag * lag * Matrix<2, 2>::Identity()), 1e-9);
+}
+
+TEST(TagConditioner, takes_a_tag_of_which_no_wheels_report_for_as_fast_as_it_can_be) {
+  TagConditioner::Config config;
+  config.cutoff_hz = 0.2;
+  TagConditioner conditioner(config, kTags);
+  EXPECT_EQ(conditioner.on(fix(0, 0.0, 0.0)).fix->covariance, kR);  // it has no lag yet
+  const double lag = std::exp(-2.0 * kPi * 0.2) * 1.4;
+  expect_near(conditioner.on(fix(kSecond, 0.1, 0.0)).fix->covariance,
+              Matrix<2, 2>(kR + lag * lag * Matrix<2, 2>::Identity()), 1e-12);
+  // An increment up to half a second: full speed from there on.
+  TagConditioner partly(config, kTags);
+  partly.on(fix(0, 0.0, 0.0));
+  partly.on(Increment{kSecond / 4, kSecond / 2, {0.1, 0.0, 0.0}});
+  const double partly_lag = std::exp(-2.0 * kPi * 0.2) * (0.1 + 1.4 * 0.5);
+  expect_near(partly.on(fix(kSecond, 0.1, 0.0)).fix->covariance,
+              Matrix<2, 2>(kR + partly_lag * partly_lag * Matrix<2, 2>::Identity()), 1e-12);
+}
+
+// A sigma of 0 or -1 says that none is known, and the lag alone would be taken for the sigma.
+TEST(TagConditioner, leaves_a_covariance_that_is_unknown) {
+  for (const double unknown : {0.0, -1.0}) {
+    TagConditioner conditioner({}, kTags);
+    conditioner.on(fix(0, 0.0, 0.0));
+    PositionFix z = fix(kSecond, 0.1, 0.0);
+    z.covariance = unknown * Matrix<2, 2>::Identity();
+    EXPECT_EQ(conditioner.on(z).fix->covariance, z.covariance);
+  }
+}
+
+TEST(TagConditioner, says_how_far_a_rejected_fix_is_off) {
+  TagConditioner conditioner(no_low_pass(), kTags);
+  const ConditionedFix passed = conditioner.on(fix(0, 0.0, 0.0));
+  EXPECT_TRUE(std::isnan(passed.distance));
+  EXPECT_TRUE(std::isnan(passed.limit));
+  const ConditionedFix jump = conditioner.on(fix(kSecond, 3.0, 4.0));
+  EXPECT_EQ(jump.verdict, TagVerdict::kJump);
+  EXPECT_EQ(jump.distance, 5.0);
+  EXPECT_NEAR(jump.limit, 2.2, 1e-15);  // 1.4 m/s for a second, and 0.8 m
+  conditioner.on(Increment{0, kSecond, {0.2, 0.0, 0.0}});
+  conditioner.on(fix(kSecond, 0.0, 1.0));
+  conditioner.on(Increment{kSecond, 2 * kSecond, {0.2, 0.0, 0.0}});
+  const ConditionedFix frozen = conditioner.on(fix(2 * kSecond, 0.0, 1.0));
+  EXPECT_EQ(frozen.verdict, TagVerdict::kFrozen);
+  EXPECT_EQ(frozen.distance, 0.0);
+  EXPECT_EQ(frozen.limit, 0.1);
+}
+
+TEST(TagConditioner, passes_fixes_of_other_antennas_as_they_are) {
+  TagConditioner::Config config = no_low_pass();
+  config.bias_x_m = 1.0;
+  TagConditioner conditioner(config, kTags);
+  EXPECT_EQ(conditioner.conditioned(fix(0, 3.0, 0.0, 7))->position.x(), 3.0);
+  EXPECT_EQ(conditioner.conditioned(fix(0, 3.0, 0.0))->position.x(), 2.0);
+  EXPECT_FALSE(conditioner.conditioned(fix(1, 30.0, 0.0)));
+}
+
 TEST(TagConditioner, rejects_jumps) {
   TagConditioner conditioner(no_low_pass(), kTags);
   conditioner.on(fix(0, 0.0, 0.0));

@@ -22,6 +22,7 @@ from locfuse.config.build import (
     build_landmark_config,
     build_mcl_config,
     build_switching_config,
+    build_tag_conditioner_config,
     build_triangle_config,
 )
 from locfuse.config.load import parse_config
@@ -43,6 +44,7 @@ from locfuse.config.schema import (
     RunConfig,
     ScanOdometry,
     Switch,
+    TagConditioner,
 )
 from locfuse.types import ConfigError
 from support_runs import ROOT, room
@@ -53,6 +55,7 @@ PAIRS: dict[str, tuple[type[Strict], type[Any], str]] = {
     "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),
     "Mcl": (Mcl, _core.MclConfig, "estimators/mcl_config.hpp"),
     "Switch": (Switch, _core.SwitchingMclConfig, "estimators/switching_mcl.hpp"),
+    "TagConditioner": (TagConditioner, _core.TagConditionerConfig, "frontends/tag_conditioner.hpp"),
     "LikelihoodField": (
         LikelihoodField,
         _core.LikelihoodFieldConfig,
@@ -110,6 +113,7 @@ BUILDERS: dict[str, Callable[[Any], Any]] = {
     "Initializer": build_initializer_config,
     "Mcl": lambda mcl: build_mcl_config(mcl, _core.MclConfig().seed),
     "Switch": build_switching_config,
+    "TagConditioner": build_tag_conditioner_config,
 }
 LEAVES = [
     (root, *path)
@@ -221,6 +225,8 @@ def core_accepts(leaf: tuple[str, ...], value: float | _core.NoiseKind) -> bool:
             _core.Mcl(config, COARSE, 0, nothing)
         elif isinstance(config, _core.InitializerConfig):
             _core.Initializer(config, _core.PoseEkfConfig(), nothing, [], None)
+        elif isinstance(config, _core.TagConditionerConfig):
+            _core.TagConditioner(config, [])
         elif isinstance(config, _core.HealthConfig):
             _core.Health(config)
         elif isinstance(config, _core.SwitchingMclConfig):
@@ -394,7 +400,7 @@ INSIDE = {
     ("air", "landmark_in_space"): "sensor_up_m",
 }  # the field that the key sets
 # Keys of a kind that are of the start, or of the run, or differ from the struct on purpose.
-BESIDE_KIND = {"use_map", "start_height_m", "sigma_start_height_m"}
+BESIDE_KIND = {"use_map", "start_height_m", "sigma_start_height_m", "shape"}
 OTHER: dict[str, Any] = {
     "air.motion": "odometry", "constant_velocity": {"sigma_climb_per_sqrt_s": 0.625},
     "robust_range": "cauchy", "robust_position": "cauchy", "robust_pose": "cauchy",

@@ -13,6 +13,7 @@
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/estimators/pose_estimate.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/frontends/tag_conditioner.hpp"
 
 namespace locfuse {
 
@@ -59,11 +60,12 @@ class Initializer {
     std::vector<Hypothesis> hypotheses;  ///< the likeliest first
   };
 
-  /// `matcher` may be null: then the heading needs motion. Throws std::invalid_argument on a
-  /// config out of range.
+  /// `matcher` may be null: then the heading needs motion. With a `tag_conditioner` fixes of tags
+  /// are conditioned before they are used. Throws std::invalid_argument on a config out of range.
   Initializer(const Config& config, const PoseEkf::Config& estimator,
               std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-              std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks = {});
+              std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks = {},
+              const std::optional<TagConditioner::Config>& tag_conditioner = {});
 
   /// Takes the robot for one that moves and never says how, until there is odometry: `place`.
   void expect_motion() { moves_ = true; }
@@ -88,6 +90,8 @@ class Initializer {
   [[nodiscard]] std::optional<Message> odometry_from(Stamp stamp) const;
   /// A filter that starts at `start`, with the last odometry received.
   [[nodiscard]] PoseEkf started_at(const PoseEstimate& start) const;
+  /// What conditions fixes, with all that it has received.
+  [[nodiscard]] const std::optional<TagConditioner>& conditioner() const { return conditioner_; }
   /// The filter to go on with. Throws std::invalid_argument unless the state is ready.
   [[nodiscard]] PoseEkf estimator() const;
 
@@ -148,6 +152,7 @@ class Initializer {
   PoseEkf prototype_;  // what every component is made from
   PoseEkf tracker_;    // what is started at the end
 
+  std::optional<TagConditioner> conditioner_;
   std::vector<Component> components_;
   std::vector<Range> epoch_;             // the ranges of the first position
   std::vector<RangeBearing> sightings_;  // of the latest stamp

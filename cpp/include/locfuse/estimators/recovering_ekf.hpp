@@ -20,6 +20,10 @@ namespace locfuse {
 /// map is relative to where it began, and an AirEkf, for whose height there is no search, are not
 /// started anew.
 ///
+/// With a `tag_conditioner` fixes of tags are conditioned before the tracker fuses them. One that
+/// is rejected is kImplausible, with the distance and the limit of ConditionedFix as `residual` and
+/// `limit`. The conditioner is a part of this value, so that a Timeline rewinds it for a late fix.
+///
 /// A cheap value. Every `on` throws std::invalid_argument for a message that is not valid.
 class RecoveringEkf {
  public:
@@ -37,6 +41,7 @@ class RecoveringEkf {
     double sigma_start_height = 0.3;   ///< [m]
     Initializer::Config start;
     Health::Config health;
+    std::optional<TagConditioner::Config> tag_conditioner;  ///< of the fixes of tags
     bool restart = true;  ///< whether it looks for another place while it is lost
   };
 
@@ -122,6 +127,7 @@ class RecoveringEkf {
   Outcome correct(const M& z);
   template <class M>
   [[nodiscard]] Outcome fuse(const M& z);
+  [[nodiscard]] Outcome fuse_conditioned(const PositionFix& z);
   template <class M>
   void record(const M& z, const Outcome& outcome);
   void listen();  // to what health says
@@ -137,6 +143,7 @@ class RecoveringEkf {
   std::shared_ptr<const Recipe> recipe_;
   std::optional<Initializer> start_;  // while there is no place, or it is lost
   std::optional<Tracker> tracker_;
+  std::optional<TagConditioner> conditioner_;  // of the fixes that the tracker fuses
   Health health_;
   std::optional<Message> control_;  // the last odometry
   Stamp newest_ = 0;                // of the measurements received while it tracked, fused or not

@@ -17,7 +17,8 @@ enum class Verdict : std::uint8_t {
   kImplausible,  ///< beyond what a robot and its sensors can do (Limits)
 };
 
-/// Verdict on one message, with the numbers behind it. NaN and 0 dof where nothing was compared.
+/// Verdict on one message, with the numbers behind it. NaN and 0 dof where nothing was compared; of
+/// a fix that a TagConditioner rejects `residual` and `limit` are its distance and limit [m].
 struct Outcome {
   Verdict verdict = Verdict::kIgnored;
   int dof = 0;                                                 ///< rows of the innovation

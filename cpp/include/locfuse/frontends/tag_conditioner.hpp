@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -23,11 +24,15 @@ enum class TagVerdict : std::uint8_t {
 struct ConditionedFix {
   TagVerdict verdict = TagVerdict::kUnknownTag;
   std::optional<PositionFix> fix;  ///< if it passed: bias removed, low-passed
+  /// Of kJump, from the last that passed, and of kFrozen, 0 [m]; else NaN.
+  double distance = std::numeric_limits<double>::quiet_NaN();
+  /// What the distance had to be at most, for kJump, or the tag moved more than, for kFrozen [m].
+  double limit = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Conditions the fixes of an RTLS for a filter (celan2017, section III.C): removes a constant
 /// bias, rejects jumps and frozen values, and low-passes the rest, tag by tag;
-/// docs/models/tag_triangle_ekf.md eq. (9) to (12).
+/// docs/models/tag_triangle_ekf.md eq. (9) to (14). Fed in order of effective stamps.
 class TagConditioner {
  public:
   struct Config {
@@ -48,9 +53,15 @@ class TagConditioner {
   void on(const Velocity& u);
   void on(const Increment& u);
 
-  /// Conditions one fix; its covariance is unchanged. Throws std::invalid_argument if it is not
-  /// valid.
+  /// Conditions one fix. What the low-pass lags behind at most is added to its covariance, unless
+  /// that is unknown: eq. (14). Throws std::invalid_argument if it is not valid.
   ConditionedFix on(const PositionFix& z);
+
+  /// The same where fixes of other antennas arrive, too: a fix of kUnknownTag passes as it is.
+  std::optional<PositionFix> conditioned(const PositionFix& z) {
+    const ConditionedFix result = on(z);
+    return result.verdict == TagVerdict::kUnknownTag ? z : result.fix;
+  }
 
  private:
   struct Track {  // of one tag
@@ -62,10 +73,13 @@ class TagConditioner {
     Vector<2> passed = Vector<2>::Zero();    // latest that passed, without bias
     Vector<2> smooth = Vector<2>::Zero();    // low-passed
     Stamp stamp = 0;                         // of the latest that passed
-    int jumps = 0;                           // since then, in a row
+    double moved = 0.0;                      // since then, by odometry [m]
+    double lag = 0.0;                        // of smooth at most [m]
+    int jumps = 0;                           // since the latest that passed, in a row
   };
 
   void drive_to(Stamp stamp);
+  [[nodiscard]] double most_moved(const Track& track, Stamp stamp) const;
   ConditionedFix pass(Track& track, const PositionFix& z, const Vector<2>& position,
                       TagVerdict verdict) const;
 
@@ -73,6 +87,7 @@ class TagConditioner {
   std::vector<Track> tracks_;
   std::optional<Velocity> held_;  // its stamp: until when it was integrated
   Stamp held_until_ = 0;
+  Stamp driven_until_ = std::numeric_limits<Stamp>::min();  // end of what odometry has measured
 };
 
 }  // namespace locfuse
