@@ -3,15 +3,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from locfuse.config.load import parse_config
+from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
-from locfuse.run.run import load_log
-from locfuse.types import Log, LogError
+from locfuse.run.run import load_log, run
+from locfuse.types import Log, LogError, RunResult
+from papers.claims import Claim, absent
 
 DATA = "../../../shared/data"  # seen from examples/configs
+FIGURES = {  # of metrics.json: name and unit
+    "position_rmse_m": ("position RMSE", "m"),
+    "height_rmse_m": ("height RMSE", "m"),
+    "heading_rmse_deg": ("heading RMSE", "deg"),
+    "nees_mean": ("NEES of 3", "1"),
+}
 
 
 def example_configs() -> Path | None:
@@ -50,3 +58,39 @@ def load_recording(
         origin["run"] = run
     config = parse_config({"log": origin, **keys})
     return config, load_log(config, configs, 0)
+
+
+def ready_run(configs: Path | None, file: str) -> RunResult:
+    """Return what `locfuse run` makes of a ready configuration.
+
+    Parameters
+    ----------
+    configs : Path or None
+        Folder of the ready configurations.
+    file : str
+        In that folder.
+
+    Raises
+    ------
+    LogError
+        If there are no ready configurations, or the recording is absent.
+    """
+    if configs is None or not (configs / file).is_file():
+        raise LogError(f"no examples/configs/{file} here")
+    return run(load_config(configs / file), base=configs)
+
+
+def ready_claims(configs: Path | None, *files: str) -> Iterator[Claim]:
+    """Yield the figures of ready configurations, which are those of `locfuse run` to the digit."""
+    for file in files:
+        key, what = f"ready_{Path(file).stem}", f"`locfuse run {file}`: "
+        try:
+            metrics = ready_run(configs, file).metrics
+        except LogError as missing:
+            yield absent(key, f"{what}position RMSE", str(missing))
+            continue
+        for figure, (name, unit) in FIGURES.items():
+            value = metrics.get(figure)
+            if value is not None:
+                yield Claim(f"{key}_{figure}", f"{what}{name}", unit, None, value, value, value,
+                            "-", True)  # fmt: skip

@@ -66,8 +66,7 @@ PAPERS: dict[str, Experiment] = {
         lambda folder, seeds, configs: draw_wells(folder),
     ),
     "gadau2022": Experiment(
-        lambda seeds, progress, configs: gadau_claims(seeds, progress),
-        lambda folder, seeds, configs: draw_gadau(folder),
+        gadau_claims, lambda folder, seeds, configs: draw_gadau(folder)
     ),
     "celan2017": Experiment(celan_claims, lambda folder, seeds, configs: draw_celan(folder)),
     "landmarks": Experiment(

@@ -36,6 +36,7 @@ from papers.celan2017.trolley import (
     trolley,
 )
 from papers.claims import Claim, Paper, Progress, Statement, absent, claim_of, consistent, share
+from papers.recorded import ready_claims
 
 
 def _end(of: str) -> tuple[str, ...]:
@@ -161,6 +162,9 @@ PAPER = Paper(
 )  # fmt: skip
 
 
+READY = ("celan_triangle.yaml", "lias_triangle.yaml")
+
+
 def celan_claims(seeds: int, progress: Progress, configs: Path | None = None) -> list[Claim]:
     """Return all rows: Table II, its laps, Table III, and a recorded trolley with three tags.
 
@@ -176,7 +180,8 @@ def celan_claims(seeds: int, progress: Progress, configs: Path | None = None) ->
     runs = laps(seeds, progress)
     claims = [claim for name in SETUPS for claim in setup_claims(name, runs[name])]
     return [*claims, *switch_claims(runs), speed_claim(runs["lidar"]), *eight_claims(seeds),
-            *trolley_claims(configs)]  # fmt: skip
+            *trolley_claims(configs),
+            *ready_claims(configs, *READY)]  # fmt: skip
 
 
 # Table II: total [m], heading [deg]; x and y [m].

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -38,6 +39,7 @@ from papers.gadau2022.world import (
     SPEEDS,
     STEP_NS,
 )
+from papers.recorded import ready_claims
 
 _PATHS = ("circle", "star", "square", "pentagon", "random")
 _SPEEDS = ("0", "0.3", "1")
@@ -228,8 +230,11 @@ BY_RULE: dict[str, tuple[tuple[Mistake, ...], str]] = {
 }
 
 
-def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
-    """Return all rows."""
+READY = ("gadau_near.yaml", "gadau_gps.yaml", "gadau_discs.yaml")
+
+
+def gadau_claims(seeds: int, progress: Progress, configs: Path | None = None) -> list[Claim]:
+    """Return all rows; the folder is that of the ready configurations."""
     parts: list[Callable[[], Iterator[Claim]]] = [
         *(lambda name=name: _layout(name, seeds) for name in LAYOUTS),
         *(lambda name=name: _path(name, seeds) for name in PATHS),
@@ -239,6 +244,7 @@ def gadau_claims(seeds: int, progress: Progress) -> list[Claim]:
         *(lambda name=name: _discs(name, seeds) for name in DISCS),
         lambda: kidnapping_claims(seeds),
         lambda: recognition_claims(seeds),
+        lambda: ready_claims(configs, *READY),
     ]  # fmt: skip
     return claims_of(parts, progress)
 

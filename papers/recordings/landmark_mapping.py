@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.run.messages import landmark_sensor_of, trajectory_of
-from locfuse.types import Columns, FloatArray, Log, LogError, Trajectory
+from locfuse.types import Columns, FloatArray, Log, LogError, RunResult, Trajectory, rows_of
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,28 @@ class LandmarkMapping:
     sightings: NDArray[np.int32]
     verdict: NDArray[np.uint8]
     wall_s: float
+
+
+def mapping_of(result: RunResult) -> LandmarkMapping:
+    """Return the map of a run of `landmark_slam`, and its poses at the stamps of sightings.
+
+    Ids of landmarks are their places in the map. Where all sightings of an instant were rejected
+    the run has no pose.
+    """
+    found, metrics = result.landmarks, result.metrics
+    assert found is not None
+    seen = result.outcomes.source == "landmark_sightings"
+    stamps = result.log["landmark_sightings"]["stamp_ns"]
+    names = [verdict.name.lower() for verdict in _core.Verdict]
+    return LandmarkMapping(
+        estimate=rows_of(result.estimate, np.isin(result.estimate.stamp_ns, stamps)),
+        landmark=np.arange(len(found), dtype=np.int32),
+        position=found.position,
+        covariance=found.covariance,
+        sightings=found.sightings.astype(np.int32),
+        verdict=np.array([names.index(one) for one in result.outcomes.verdict[seen]], np.uint8),
+        wall_s=metrics["messages"] / metrics["messages_per_second"],
+    )
 
 
 def map_landmarks(

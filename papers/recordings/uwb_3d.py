@@ -17,7 +17,7 @@ from locfuse.eval.errors import interpolate
 from locfuse.run.messages import truth_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray, Trajectory
 from papers.claims import Claim, Progress, absent, claims_of
-from papers.recorded import load_recording
+from papers.recorded import load_recording, ready_claims
 from papers.scores import rms
 
 
@@ -44,6 +44,7 @@ RECORDINGS = {
     "rig s5": Recording("starloc", "starloc", "loop-2d_s5", (-0.1, -0.1)),
     "head": Recording("inrol_uwb_imu", "inrol-uwb-imu", "filtering_state_estimation1", (0.0, 0.0)),
 }
+READY = ("air_ranges.yaml", "rcv_drone.yaml", "starloc_rig.yaml")
 START_SIGMA = (0.3, 0.3, 0.1, 0.3)  # x, y [m], heading [rad], height [m]
 
 
@@ -70,7 +71,8 @@ class Flight:
 
 def air_claims(progress: Progress, configs: Path | None) -> list[Claim]:
     """Return all rows; recordings lie beside the project, whose ready configurations are given."""
-    return claims_of([partial(_recorded, configs, name) for name in RECORDINGS], progress)
+    recorded = [partial(_recorded, configs, name) for name in RECORDINGS]
+    return claims_of([*recorded, partial(ready_claims, configs, *READY)], progress)
 
 
 def load_flight(configs: Path | None, recording: Recording) -> Log:

@@ -20,8 +20,8 @@ from locfuse.eval.errors import interpolate
 from locfuse.run.start import scans_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, Trajectory
 from papers.claims import Claim, absent
-from papers.recorded import load_recording
-from papers.recordings.landmark_mapping import LandmarkMapping, map_landmarks
+from papers.recorded import load_recording, ready_run
+from papers.recordings.landmark_mapping import LandmarkMapping, map_landmarks, mapping_of
 from papers.scores import rms
 
 ANTENNA_M = (3.78, 0.5)
@@ -72,21 +72,23 @@ def tree_parts(configs: Path) -> list[Callable[[], Iterator[Claim]]]:
 def mapped_by(configs: Path | None, chain: str) -> Mapped:
     """Drive Victoria Park by odometry and the trees of one of `CHAINS`.
 
-    Trees of the dataset's detector are put together jointly, ours each with its nearest.
+    With trees of the dataset's detector it is the run of the ready configuration, at the stamps of
+    the trees; they are put together jointly, ours each with its nearest.
 
     Raises
     ------
     LogError
         If the recording is not there.
     """
-    log, detect_s = load_park(configs, chain), 0.0
-    association = _core.Association.JOINT
-    if chain == "laser":
-        began = time.perf_counter()
-        log = with_trees(log)
-        detect_s, association = time.perf_counter() - began, _core.Association.NEAREST
-    mapping = map_landmarks(log, truck(), start_of(log), association)
-    return Mapped(mapping, log, off_gps(log, mapping), detect_s)
+    if chain == "trees":
+        result = ready_run(configs, "victoria_park.yaml")
+        mapping = mapping_of(result)
+        return Mapped(mapping, result.log, off_gps(result.log, mapping.estimate), 0.0)
+    log, began = load_park(configs, chain), time.perf_counter()
+    log = with_trees(log)
+    detect_s = time.perf_counter() - began
+    mapping = map_landmarks(log, truck(), start_of(log), _core.Association.NEAREST)
+    return Mapped(mapping, log, off_gps(log, mapping.estimate), detect_s)
 
 
 def load_park(configs: Path | None, run: str) -> Log:
@@ -155,10 +157,10 @@ def antenna_of(estimate: Trajectory) -> Trajectory:
     return replace(estimate, position=estimate.position + arm)
 
 
-def off_gps(log: Log, mapping: LandmarkMapping) -> FloatArray:
-    """Return how far each GPS fix is from the antenna, shape (n,), metres."""
+def off_gps(log: Log, estimate: Trajectory) -> FloatArray:
+    """Return how far each GPS fix is from the antenna of a body, shape (n,), metres."""
     fixes = log["positions"]
-    at, inside = interpolate(mapping.estimate, fixes["stamp_ns"])
+    at, inside = interpolate(estimate, fixes["stamp_ns"])
     gps = np.column_stack([fixes["x_m"], fixes["y_m"]])[inside]
     off: FloatArray = np.hypot(*(antenna_of(at).position - gps).T)
     return off

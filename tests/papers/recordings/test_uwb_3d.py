@@ -79,7 +79,7 @@ def test_anchors_of_one_height_determine_where_a_drone_is_but_not_on_which_side_
 @pytest.mark.parametrize("configs", [None, "empty"])
 def test_rows_of_absent_recordings_say_why(configs: str | None, tmp_path: Path) -> None:
     claims = uwb_3d.air_claims(lambda *_: None, tmp_path / "configs" if configs else None)
-    assert len(claims) == len(uwb_3d.RECORDINGS)
+    assert len(claims) == len(uwb_3d.RECORDINGS) + len(uwb_3d.READY)
     assert all(claim.met is None and claim.note for claim in claims)
 
 
@@ -87,6 +87,10 @@ def test_rows_of_present_recordings_are_numbers() -> None:
     recorded("drone seq3")
     recorded("rig s5")
     recorded("head")
+    recorded("drone seq1")
     claims = uwb_3d.air_claims(lambda *_: None, CONFIGS)
-    assert len(claims) == 5 * len(uwb_3d.RECORDINGS)
+    assert sum(claim.id.startswith("air_") for claim in claims) == 5 * len(uwb_3d.RECORDINGS)
+    assert {"ready_air_ranges_nees_mean", "ready_rcv_drone_height_rmse_m"} <= {
+        claim.id for claim in claims
+    }
     assert all(claim.met and claim.ours_median is not None for claim in claims)

@@ -58,7 +58,8 @@ def park() -> Log:
 
 
 def rms_to_gps(log: Log, config: lf.LandmarkEkfConfig) -> float:
-    off = victoria_park.off_gps(log, map_landmarks(log, config, victoria_park.start_of(log)))
+    mapping = map_landmarks(log, config, victoria_park.start_of(log))
+    off = victoria_park.off_gps(log, mapping.estimate)
     return float(np.sqrt(np.mean(off**2)))
 
 
@@ -87,7 +88,9 @@ def test_maps_of_trees_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_park_that_is_absent_is_two_rows_that_say_so(tmp_path: Path) -> None:
     rows = [row for part in victoria_park.tree_parts(tmp_path / "a/b/c") for row in part()]
     assert [row.id for row in rows] == ["victoria_park_trees", "victoria_park_laser"]
-    assert all(row.met is None and "no such folder" in row.note for row in rows)
+    assert all(row.met is None for row in rows)
+    assert rows[0].note == "no examples/configs/victoria_park.yaml here"
+    assert "no such folder" in rows[1].note
     assert draw_trees(tmp_path / "out", tmp_path / "a/b/c") == []
 
 

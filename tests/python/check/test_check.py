@@ -596,6 +596,7 @@ KNOWN = {
     # Tags that are 0.28 m apart show a heading to a third of a radian; noise is white to a check.
     "lias_triangle.yaml": ["unobservable_states", "sigma_against_the_scatter"],
     "mrpt_office.yaml": ["outliers_by_anchor"],  # beacon 1 is wrong by up to 13 m
+    "rcv_drone.yaml": ["unobservable_states"],  # a single tag, no odometry: no heading
     "plaza.yaml": ["duplicate_rows"],  # two ranges stand there twice
     "plaza_online.yaml": ["duplicate_rows", "ranges_with_a_common_error"],  # 7 %, and learnt
 }
