@@ -111,6 +111,9 @@ def test_a_conditioner_passes_rejects_and_recognises() -> None:
         "FROZEN", "JUMP", "UNKNOWN_TAG",
     ]  # fmt: skip
     assert frozen.fix is jump.fix is unknown.fix is None
+    assert (frozen.distance, frozen.limit) == (0.0, config.frozen_motion_m)
+    assert jump.distance == 8.0
+    assert jump.limit == pytest.approx(1.4 + 0.8)
     conditioner.on(lf.Increment(0, SECOND, lf.Pose2(0.1, 0.0, 0.0)))
     config.restart_after = 0
     with pytest.raises(ValueError, match="restart_after"):
