@@ -15,11 +15,19 @@ void bind_initializer(py::module_& m) {
       .value("AMBIGUOUS", StartStatus::kAmbiguous)
       .value("READY", StartStatus::kReady)
       .finalize();
+  using locfuse::StartMethod;
+  py::native_enum<StartMethod>(m, "StartMethod", "enum.Enum", "Search of an initialization.")
+      .value("GAUSSIAN_SUM", StartMethod::kGaussianSum, "Hypotheses weighted by all messages.")
+      .value("SRLS_HEADINGS", StartMethod::kSrlsHeadings,
+             "ekim2020: SR-LS on the ranges of an instant, then 36 headings of one scan.")
+      .finalize();
   using State = Initializer::State;
   py::class_<State>(m, "StartState", "State of an Initializer.")
       .def_readonly("status", &State::status)
       .def_readonly("reason", &State::reason, "Why it is not ready; empty if ready.")
       .def_readonly("hypotheses", &State::hypotheses, "Pose hypotheses, likeliest first.")
+      .def_readonly("headings", &State::headings,
+                    "HeadingSearch of the last scan with SRLS_HEADINGS, else None.")
       .def("__repr__", [](const State& s) {
         return "StartState(" + std::to_string(s.hypotheses.size()) + " hypotheses)";
       });
@@ -27,6 +35,7 @@ void bind_initializer(py::module_& m) {
   py::class_<Config>(m, "InitializerConfig",
                      "Settings of an Initializer: readiness thresholds and outlier model.")
       .def(py::init<>())
+      .def_readwrite("method", &Config::method)
       .def_readwrite("epoch_s", &Config::epoch_s)
       .def_readwrite("headings", &Config::headings)
       .def_readwrite("wrong_share", &Config::wrong_share)

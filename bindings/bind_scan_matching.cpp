@@ -35,6 +35,8 @@ void bind_results(py::module_& m) {
       .def_property_readonly(
           "sums", [](const HeadingSearch& h) { return py::array_t<double>(36, h.sums.data()); },
           "Sums (36,) [m] of nearest distances with the body at 0, 10, ..., 350 degrees.")
+      .def_readonly("returns", &HeadingSearch::returns, "Number of beams that each sum is of.")
+      .def_readonly("rms_range", &HeadingSearch::rms_range, "RMS of their ranges [m].")
       .def_readonly("reason", &HeadingSearch::reason);
 
   py::native_enum<ScanMatch::Reason>(m, "ScanMatchReason", "enum.Enum", "How a refinement ended.")

@@ -139,6 +139,7 @@ __all__: list[str] = [
     "SolverComparison",
     "Source",
     "SourceStatus",
+    "StartMethod",
     "StartRun",
     "StartState",
     "StartStatus",
@@ -852,6 +853,16 @@ class HeadingSearch:
         """
     @property
     def reason(self) -> HeadingSearchReason: ...
+    @property
+    def returns(self) -> int:
+        """
+        Number of beams that each sum is of.
+        """
+    @property
+    def rms_range(self) -> float:
+        """
+        RMS of their ranges [m].
+        """
     @property
     def sums(self) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -3754,11 +3765,24 @@ class StartStatus(enum.Enum):
     READY = ...
     WAITING = ...
 
+class StartMethod(enum.Enum):
+    """
+    Search of an initialization.
+    """
+
+    GAUSSIAN_SUM = ...
+    SRLS_HEADINGS = ...
+
 class StartState:
     """
     State of an Initializer.
     """
     def __repr__(self) -> str: ...
+    @property
+    def headings(self) -> HeadingSearch | None:
+        """
+        HeadingSearch of the last scan with SRLS_HEADINGS, else None.
+        """
     @property
     def hypotheses(self) -> list[PoseHypothesis]:
         """
@@ -3776,6 +3800,8 @@ class InitializerConfig:
     """
     Settings of an Initializer: readiness thresholds and outlier model.
     """
+
+    method: StartMethod
     def __init__(self) -> None: ...
     @property
     def epoch_s(self) -> float: ...

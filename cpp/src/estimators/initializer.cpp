@@ -55,6 +55,7 @@ struct InitializerTuning {
   static constexpr double kMovedSigmas = 3.0;
 };
 
+constexpr double kMinVariance = kPositionBounds.min * kPositionBounds.min;
 constexpr const char* kNoneKnown = "no range between a known tag and a known anchor";
 
 /// The rest of what odometry last said, from `stamp` on; empty where nothing is left.
@@ -165,6 +166,41 @@ TagRanges most_ranges(const std::vector<Range>& epoch, const std::vector<Tag>& t
   return most;
 }
 
+/// The position of the tag, by SR-LS.
+RangePosition<2> located(const TagRanges& ranges) {
+  std::vector<double> rows;
+  for (const Vector<3>& anchor : ranges.anchor) {
+    rows.insert(rows.end(), anchor.data(), anchor.data() + 3);
+  }
+  const Eigen::Index size = ranges.rows();
+  try {
+    return locate_by_squares({RowsView(rows.data(), size, 3), ranges.height},
+                             Eigen::Map<const Eigen::VectorXd>(ranges.range.data(), size),
+                             Eigen::Map<const Eigen::VectorXd>(ranges.sigma.data(), size));
+  } catch (const std::invalid_argument&) {
+    RangePosition<2> refused;
+    refused.status = PositionStatus::kBadRange;
+    return refused;
+  }
+}
+
+/// Why no heading of a scan is a start.
+std::string why_none(const HeadingStart& found) {
+  std::ostringstream reason;
+  reason << std::setprecision(2);
+  switch (found.search.reason) {
+    case HeadingSearch::Reason::kNoReturns:
+      return "the last scan has no return";
+    case HeadingSearch::Reason::kOutsideMap:
+      return "the position that ranges give is off the map";
+    case HeadingSearch::Reason::kFound:
+      reason << "no heading fits the map: at the best of 36 the scan ends " << found.distance
+             << " m from its walls on average, more than " << found.limit
+             << " m; is it the map of this place?";
+  }
+  return reason.str();
+}
+
 /// Whether a measurement is likelier one of the right pose than one that says nothing.
 bool is_inlier(const Outcome& outcome, double wrong_share, double log_anything) {
   return std::log1p(-wrong_share) + outcome.log_likelihood() > std::log(wrong_share) + log_anything;
@@ -255,6 +291,9 @@ Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
       tracker_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
                std::move(landmarks)) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  if (config.method == StartMethod::kSrlsHeadings) {
+    waiting_for_ = kNoneKnown;
+  }
   in_range("epoch_s", config.epoch_s, 0.0, 3600.0);
   in_range("headings", config.headings, 3.0, 361.0);
   in_range("wrong_share", config.wrong_share, 0.0, 1.0);
@@ -322,6 +361,9 @@ void Initializer::drive(const M& u) {
   if (conditioner_) {
     conditioner_->on(u);
   }
+  if (place_) {
+    place_->driven.ekf.on(u);
+  }
   for (Component& component : components_) {
     component.ekf.on(u);
   }
@@ -331,6 +373,7 @@ void Initializer::moved(const Pose2& motion) {
   since_scan_ = since_scan_ * motion;
   since_sightings_ = since_sightings_ * motion;
   since_ranges_m_ += std::hypot(motion.x, motion.y);
+  epoch_path_m_ += std::hypot(motion.x, motion.y);
   if (since_ranges_m_ > config_.spacing_m) {
     since_ranges_m_ = 0.0;
     links_.clear();
@@ -351,6 +394,10 @@ void Initializer::on(const Range& z) {
     return;
   }
   attempt([&] {
+    if (config_.method == StartMethod::kSrlsHeadings) {
+      collect(z);
+      return;
+    }
     if (components_.empty() && ends_epoch(z)) {
       locate();
       epoch_.clear();
@@ -465,7 +512,8 @@ Initializer::Link* Initializer::link_of(const Range& z) {
 
 void Initializer::on(const PositionFix& received) {
   validate(received);
-  if (!is_plausible(received, estimator_.limits)) {
+  if (config_.method == StartMethod::kSrlsHeadings ||
+      !is_plausible(received, estimator_.limits)) {
     return;
   }
   attempt([&] {
@@ -504,7 +552,7 @@ PositionFix Initializer::widened(PositionFix z) const {
 
 void Initializer::on(const PoseObservation& z) {
   validate(z);
-  if (!is_plausible(z, estimator_.limits)) {
+  if (config_.method == StartMethod::kSrlsHeadings || !is_plausible(z, estimator_.limits)) {
     return;
   }
   attempt([&] {
@@ -522,7 +570,7 @@ void Initializer::on(const PoseObservation& z) {
 
 void Initializer::on(const RangeBearing& z) {
   validate(z);
-  if (is_plausible(z, estimator_.limits) &&
+  if (config_.method == StartMethod::kGaussianSum && is_plausible(z, estimator_.limits) &&
       (!z.landmark || prototype_.landmark_map().find(*z.landmark) != nullptr)) {
     attempt([&] { see(z); });
   }
@@ -650,25 +698,32 @@ Initializer::Component Initializer::component(const PoseEstimate& start, double 
   return {std::move(ekf), log_weight};
 }
 
+PoseEstimate Initializer::about(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
+                                const Vector<2>& tag_in_body, double heading, double sigma,
+                                Stamp stamp) {
+  Matrix<2, 2> known = covariance;  // no better than a state may be, or nothing of it is left in P
+  known.diagonal() = known.diagonal().cwiseMax(kMinVariance);
+  const Vector<2> arm = Pose2{0.0, 0.0, heading}.act(tag_in_body);
+  const Vector<2> body = tag_in_world - arm;
+  const Vector<2> swing(arm.y(), -arm.x());  // d body / d heading
+  Matrix<3, 3> P;
+  P.topLeftCorner<2, 2>() = known + sigma * sigma * swing * swing.transpose();
+  P.topRightCorner<2, 1>() = sigma * sigma * swing;
+  P.bottomLeftCorner<1, 2>() = sigma * sigma * swing.transpose();
+  P(2, 2) = sigma * sigma;
+  return {stamp, {body.x(), body.y(), heading}, P};
+}
+
 void Initializer::add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
                                 const Vector<2>& tag_in_body, double log_weight, Stamp stamp) {
   const double step = 2.0 * kPi / config_.headings;
   const double sigma = InitializerTuning::kHeadingSigmaSteps * step;
-  constexpr double kMinVariance = kPositionBounds.min * kPositionBounds.min;
-  Matrix<2, 2> known = covariance;  // no better than a state may be, or nothing of it is left in P
-  known.diagonal() = known.diagonal().cwiseMax(kMinVariance);
   std::vector<Component> added;
+  added.reserve(static_cast<std::size_t>(config_.headings));
   for (int k = 0; k < config_.headings; ++k) {
-    const double heading = wrap_angle(k * step);
-    const Vector<2> arm = Pose2{0.0, 0.0, heading}.act(tag_in_body);
-    const Vector<2> body = tag_in_world - arm;
-    const Vector<2> swing(arm.y(), -arm.x());  // d body / d heading
-    Matrix<3, 3> P;
-    P.topLeftCorner<2, 2>() = known + sigma * sigma * swing * swing.transpose();
-    P.topRightCorner<2, 1>() = sigma * sigma * swing;
-    P.bottomLeftCorner<1, 2>() = sigma * sigma * swing.transpose();
-    P(2, 2) = sigma * sigma;
-    added.push_back(component({stamp, {body.x(), body.y(), heading}, P}, log_weight));
+    added.push_back(
+        component(about(tag_in_world, covariance, tag_in_body, wrap_angle(k * step), sigma, stamp),
+                  log_weight));
   }
   components_.insert(components_.end(), std::make_move_iterator(added.begin()),
                      std::make_move_iterator(added.end()));
@@ -721,9 +776,79 @@ void Initializer::locate_by(const std::vector<Range>& epoch) {
   }
 }
 
+// SR-LS and headings ------------------------------------------------------------------------------
+
+void Initializer::use_gaussian_sum() { config_.method = StartMethod::kGaussianSum; }
+
+void Initializer::collect(const Range& z) {
+  if (!is_known(z)) {
+    return;
+  }
+  if (ends_epoch(z)) {
+    (void)place_by_squares();
+    epoch_.clear();
+  }
+  epoch_path_m_ = epoch_.empty() ? 0.0 : epoch_path_m_;
+  epoch_.push_back(z);
+}
+
+/// The newest position that ranges determine; where they do not, false, and the one before stays.
+bool Initializer::place_by_squares() {
+  const TagRanges ranges = most_ranges(epoch_, tags_, *anchors_, estimator_.range);
+  if (ranges.rows() < 3) {
+    waiting_for_ = ranges.rows() == 0
+                       ? kNoneKnown
+                       : "ranges of a tag to fewer than three anchors within epoch_s";
+    return false;
+  }
+  const RangePosition<2> found = located(ranges);
+  if (found.status != PositionStatus::kUnique) {
+    waiting_for_ = found.status == PositionStatus::kAmbiguous
+                       ? "two positions fit the ranges: their anchors are in one line"
+                       : "ranges that no position is found of";
+    return false;
+  }
+  // While the epoch's ranges were measured the tag was anywhere on this way.
+  const double smeared = epoch_path_m_ * epoch_path_m_ / 3.0;
+  place_ = Place{
+      found.position, found.covariance + smeared * Matrix<2, 2>::Identity(), ranges.tag_in_body,
+      component({epoch_.back().stamp, {}, kMinVariance * Matrix<3, 3>::Identity()}, 0.0)};
+  waiting_for_ = "no scan since ranges gave a position";
+  return true;
+}
+
+/// The headings at which a scan fits the map about the tag. A position is used once: another scan
+/// there would err the same way.
+void Initializer::turn(const LaserScan& z) {
+  if (epoch_.size() > 2 && place_by_squares()) {
+    epoch_.clear();
+  }
+  if (matcher_ == nullptr || !place_ || z.stamp < place_->driven.ekf.belief().stamp) {
+    return;
+  }
+  place_->driven.ekf.advance_to(z.stamp);
+  const PoseEstimate driven = place_->driven.ekf.current();
+  const Vector<2> tag = inverse(driven.pose).act(place_->tag_in_body);
+  const double drift = driven.sigma_position();
+  const Matrix<2, 2> covariance = place_->covariance + drift * drift * Matrix<2, 2>::Identity();
+  const double sigma = about(place_->position, covariance, tag, 0.0, 0.0, z.stamp).sigma_position();
+  const HeadingStart found = start_by_headings(
+      *matcher_, z, {place_->position, std::hypot(sigma, config_.sigma_map_m), tag});
+  components_.clear();
+  components_.reserve(found.headings.size());
+  for (const double heading : found.headings) {
+    components_.push_back(component(about(place_->position, covariance, tag, heading,
+                                          std::hypot(found.sigma, config_.sigma_map_rad), z.stamp),
+                                    0.0));
+  }
+  waiting_for_ = why_none(found);
+  headings_ = found.search;
+  place_.reset();
+}
+
 void Initializer::on(const LaserScan& z) {
   validate(z);
-  attempt([&] { match(z); });
+  attempt([&] { config_.method == StartMethod::kSrlsHeadings ? turn(z) : match(z); });
 }
 
 void Initializer::match(const LaserScan& z) {
@@ -794,14 +919,19 @@ void Initializer::reduce() {
 Initializer::State Initializer::state() const {
   State state;
   if (components_.empty()) {
-    state.reason = waiting_for_;
+    const bool lacks_map = config_.method == StartMethod::kSrlsHeadings && matcher_ == nullptr;
+    state.reason = lacks_map ? "no map to compare a scan with" : waiting_for_;
+    state.headings = headings_;
     return state;
   }
   state = state_of(internal::clusters(components_, true));
+  state.headings = headings_;
   if (state.status == StartStatus::kReady &&
       state.hypotheses.front().estimate.sigma_heading() > sigma_heading_ready()) {
     state.status = StartStatus::kWaiting;
-    state.reason = matcher_ == nullptr
+    state.reason = config_.method == StartMethod::kSrlsHeadings
+                       ? "the heading is not known well enough: the position of ranges is too vague"
+                   : matcher_ == nullptr
                        ? "the heading is not known yet: drive on, or give a map and scans"
                        : "the heading is not known yet: no scan that fits the map; drive on";
   }

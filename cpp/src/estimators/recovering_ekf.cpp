@@ -119,6 +119,9 @@ Tracker RecoveringEkf::tracker_at(const PoseEstimate& start, const Initializer& 
 
 Initializer RecoveringEkf::fresh() const {
   Initializer anew = recipe_->fresh;
+  if (tracker_) {  // lost, it may have no scans
+    anew.use_gaussian_sum();
+  }
   if (control_) {
     anew.on(*control_);
   } else if (tracker_ && !recipe_->config.tracker) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -32,6 +33,10 @@ HeadingSearch search(const ScanMap& map, const Beams& beams, const Vector<2>& po
   } else if (beams.x.empty()) {
     found.reason = HeadingSearch::Reason::kNoReturns;
   } else {
+    found.returns = static_cast<int>(beams.x.size());
+    const double squares =
+        std::inner_product(beams.range.begin(), beams.range.end(), beams.range.begin(), 0.0);
+    found.rms_range = map.grid().resolution() * std::sqrt(squares / found.returns);
     for (int step = 0; step < HeadingSearch::kSteps; ++step) {
       found.sums[static_cast<std::size_t>(step)] = sum_at(heading_of(step));
     }

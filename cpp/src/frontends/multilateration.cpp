@@ -308,6 +308,31 @@ RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout,
   return result;
 }
 
+template <int N>
+RangePosition<N> solve_by_squares(const RangeLayout<N>& layout, const RangesView& ranges,
+                                  SquaredRangeWeights weights) {
+  RangePosition<N> result;
+  const SquaredRangePosition<N> found = solve_squared_ranges<N>(layout, ranges, weights);
+  if (found.count == 0) {
+    return result;
+  }
+  result.has_position = true;
+  const Vector<N> x = found.position[0];
+  result.position = layout.centre + x;
+  for (int i = 0; i < layout.size; ++i) {
+    const double error = ranges[i] - std::sqrt(layout.squared_distance(x, i));
+    result.cost += layout.information[static_cast<std::size_t>(i)] * error * error;
+  }
+  RangeGain<N> gain;
+  if (!squared_range_gain<N>(layout, x, ranges, weights, gain)) {
+    result.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
+    return result;
+  }
+  result.covariance = covariance_of<N>(layout, gain);
+  result.status = found.count > 1 ? PositionStatus::kAmbiguous : PositionStatus::kUnique;
+  return result;
+}
+
 #define LOCFUSE_INSTANTIATE(N)                                                               \
   template struct RangeMinima<N>;                                                            \
   template class Multilateration<N>;                                                         \
@@ -318,7 +343,9 @@ RangePosition<N> Multilateration<N>::solve_on(const RangeLayout<N>& layout,
   template RangeMinima<N> internal::find_minima<N>(const RangeLayout<N>&, const RangesView&, \
                                                    const RangeLoss&, double, RangeMl);       \
   template PositionStatus internal::judge<N>(const RangeMinima<N>&, const RangeLayout<N>&,   \
-                                             const RangesView&, double);
+                                             const RangesView&, double);                     \
+  template RangePosition<N> solve_by_squares<N>(const RangeLayout<N>&, const RangesView&,    \
+                                                SquaredRangeWeights);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)
 #undef LOCFUSE_INSTANTIATE

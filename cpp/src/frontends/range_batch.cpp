@@ -53,40 +53,14 @@ void write(const RangePosition<N>& found, Eigen::Index epoch, PositionRows<N>& o
   }
 }
 
-/// SR-LS or SR-WLS alone.
-template <int N>
-RangePosition<N> by_squares(const RangeLayout<N>& layout, const RangesView& ranges,
-                            SquaredRangeWeights weights) {
-  RangePosition<N> result;
-  const SquaredRangePosition<N> found = solve_squared_ranges<N>(layout, ranges, weights);
-  if (found.count == 0) {
-    return result;
-  }
-  result.has_position = true;
-  const Vector<N> x = found.position[0];
-  result.position = layout.centre + x;
-  for (int i = 0; i < layout.size; ++i) {
-    const double error = ranges[i] - std::sqrt(layout.squared_distance(x, i));
-    result.cost += layout.information[static_cast<std::size_t>(i)] * error * error;
-  }
-  RangeGain<N> gain;
-  if (!squared_range_gain<N>(layout, x, ranges, weights, gain)) {
-    result.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
-    return result;
-  }
-  result.covariance = covariance_of<N>(layout, gain);
-  result.status = found.count > 1 ? PositionStatus::kAmbiguous : PositionStatus::kUnique;
-  return result;
-}
-
 template <int N>
 RangePosition<N> solve_one(const Multilateration<N>& solver, RangeSolver method,
                            const RangeLayout<N>& layout, const RangesView& ranges) {
   switch (method) {
     case RangeSolver::kSquaredRange:
-      return by_squares<N>(layout, ranges, SquaredRangeWeights::kEqual);
+      return solve_by_squares<N>(layout, ranges, SquaredRangeWeights::kEqual);
     case RangeSolver::kWeightedSquaredRange:
-      return by_squares<N>(layout, ranges, SquaredRangeWeights::kVariance);
+      return solve_by_squares<N>(layout, ranges, SquaredRangeWeights::kVariance);
     case RangeSolver::kCeres:
       return solver.solve_over(layout, ranges, RangeMl::kCeres);
     case RangeSolver::kNewton:

@@ -75,7 +75,7 @@ OF_THE_RUN = {
     "Estimator": {"kind", "landmark_slam", "tag_triangle", "air"},
     "Mcl": {"poses_hz", "switch", "seed", "likelihood"},
 }  # keys that say more, or other things, than the struct
-BESIDE = {"Mcl": {"health"}}  # of the struct, which a configuration has beside it
+BESIDE = {"Mcl": {"health"}, "Initializer": {"method"}}  # of the struct, set by other keys
 
 
 def bound_fields(struct: type[Any]) -> set[str]:

@@ -12,6 +12,7 @@
 #include "locfuse/estimators/landmark_sensor.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/frontends/heading_start.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/frontends/tag_conditioner.hpp"
 
@@ -24,6 +25,12 @@ enum class StartStatus : std::uint8_t {
   kReady,      ///< one pose fits, as sure as the config asks
 };
 
+/// How a start is searched.
+enum class StartMethod : std::uint8_t {
+  kGaussianSum,   ///< hypotheses, weighed by all that is measured
+  kSrlsHeadings,  ///< as ekim2020: SR-LS on ranges of an instant, then 36 headings of one scan
+};
+
 /// Finds the pose of a robot that was switched on anywhere (ekim2020, section 2.2).
 ///
 /// The belief is a Gaussian sum: one PoseEkf for every position that the first ranges allow (both
@@ -31,12 +38,16 @@ enum class StartStatus : std::uint8_t {
 /// every heading, weighed by how well each predicts what comes next. Scans on a map, ranges to
 /// other tags, and ranges after some motion decide between headings; docs/start.md.
 ///
+/// With StartMethod::kSrlsHeadings it takes ranges, scans and odometry alone: each scan, at the
+/// newest position that ranges determine, gives the headings that fit, or the reason why none does.
+///
 /// Every `on` throws std::invalid_argument for a message that is not valid, and NumericalError for
 /// one that no filter can use; then nothing has changed. Of landmarks, anchors and tags that are
 /// not on the map it takes no notice.
 class Initializer {
  public:
   struct Config {
+    StartMethod method = StartMethod::kGaussianSum;
     double epoch_s = 0.2;               ///< ranges this close together give the first position [s]
     int headings = 36;                  ///< tried all around where no heading is known
     double wrong_share = 0.01;          ///< of the ranges, and of the positions, that say nothing
@@ -58,6 +69,8 @@ class Initializer {
     StartStatus status = StartStatus::kWaiting;
     std::string reason;                  ///< why it is not ready; empty if it is
     std::vector<Hypothesis> hypotheses;  ///< the likeliest first
+    /// Of the last scan that was turned; empty without one.
+    std::optional<HeadingSearch> headings = {};
   };
 
   /// `matcher` may be null: then the heading needs motion. With a `tag_conditioner` fixes of tags
@@ -69,6 +82,8 @@ class Initializer {
 
   /// Takes the robot for one that moves and never says how, until there is odometry: `place`.
   void expect_motion() { moves_ = true; }
+  /// Searches by a Gaussian sum, whatever the config says; before the first message.
+  void use_gaussian_sum();
 
   void on(const Velocity& u);
   void on(const Increment& u);
@@ -106,16 +121,31 @@ class Initializer {
     bool fits = false;  // the last range fitted the likeliest component
   };
 
+  struct Place {  // by SR-LS
+    Vector<2> position;
+    Matrix<2, 2> covariance;
+    Vector<2> tag_in_body;
+    Component driven;  // since then, from the origin
+  };
+
   template <class Call>
   void attempt(const Call& call);
   [[nodiscard]] bool is_known(const Range& z) const;
   [[nodiscard]] bool ends_epoch(const Range& z) const;
+  void collect(const Range& z);
+  [[nodiscard]] bool place_by_squares();
+  void turn(const LaserScan& z);
   void locate();
   void locate_by(const std::vector<Range>& epoch);
   void see(const RangeBearing& z);
   void match(const LaserScan& z);
   void add_constellations();
   [[nodiscard]] double log_by_chance(const RangeBearing& z) const;
+  /// What is known of the body at a heading, of sigma, with a tag in place.
+  [[nodiscard]] static PoseEstimate about(const Vector<2>& tag_in_world,
+                                          const Matrix<2, 2>& covariance,
+                                          const Vector<2>& tag_in_body, double heading,
+                                          double sigma, Stamp stamp);
   void add_positions(const Vector<2>& tag_in_world, const Matrix<2, 2>& covariance,
                      const Vector<2>& tag_in_body, double log_weight, Stamp stamp);
   [[nodiscard]] Component component(const PoseEstimate& start, double log_weight) const;
@@ -172,6 +202,9 @@ class Initializer {
   double range_noise_ = 1.0;     // variance of ranges over the stated one, as they scatter
   double position_noise_ = 1.0;  // the same of position fixes
   double best_fix_ = std::numeric_limits<double>::infinity();  // sigma of the best one [m]
+  std::optional<Place> place_;
+  double epoch_path_m_ = 0.0;  // driven since the first range of the epoch
+  std::optional<HeadingSearch> headings_;
   std::string waiting_for_ = "no range, position or pose yet, and no two landmarks at once";
 };
 

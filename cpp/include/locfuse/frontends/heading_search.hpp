@@ -26,6 +26,9 @@ struct HeadingSearch {
   /// 0, 10, ..., 350 degrees. Zero unless found.
   std::array<double, kSteps> sums{};
 
+  int returns = 0;         ///< beams that each sum is of
+  double rms_range = 0.0;  ///< of them, from the laser [m]
+
   Reason reason = Reason::kFound;
 };
 

@@ -40,6 +40,12 @@ struct RangePosition {
   bool has_position = false;
 };
 
+/// SR-LS or SR-WLS alone, with first-order covariance, eq. (13), and without a test of fit.
+template <int N>
+[[nodiscard]] RangePosition<N> solve_by_squares(const RangeLayout<N>& layout,
+                                                const RangesView& ranges,
+                                                SquaredRangeWeights weights);
+
 /// Distinct local minima of the cost, by increasing cost.
 template <int N>
 struct RangeMinima {
