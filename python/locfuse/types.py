@@ -392,7 +392,7 @@ class Start:
     It was ready at `stamp_ns`, `seconds` after the first message, with `pose` and `covariance` of
     (x, y, heading), metres and radians. `steps` are (stamp_ns, hypotheses): what fitted whenever
     that changed, the last being the start itself. `used_scans`: there were scans and a map to
-    match.
+    match. `sums_m`, shape (36,): of ``srls_headings``, the sum of distances from the map at each.
     """
 
     stamp_ns: int
@@ -401,6 +401,7 @@ class Start:
     covariance: FloatArray
     steps: tuple[tuple[int, tuple[Hypothesis, ...]], ...]
     used_scans: bool
+    sums_m: FloatArray | None = None
 
 
 @dataclass(frozen=True)

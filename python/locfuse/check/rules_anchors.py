@@ -51,7 +51,7 @@ def anchors_in_one_line(context: Context) -> Iterator[Finding]:
     names = ", ".join(anchors)
     at = np.array([context.anchors[context.names.index(name), :2] for name in anchors])
     answers = "; other sources resolve the side" if _placed_otherwise(context) else ""
-    judge = warning if answers or str(context.config.start) != "auto" else error
+    judge = warning if answers or not context.config.searches_start else error
     if len(at) == 1:
         yield judge(f"one anchor ({names}): ranges fix a circle, not a position{answers}",
                     "anchors.csv", "add two anchors that are not in one line with it")  # fmt: skip

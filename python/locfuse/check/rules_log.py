@@ -15,7 +15,7 @@ from locfuse.config.schema import SOURCES, ignored_by
 from locfuse.eval.dead_reckoning import legs
 from locfuse.run.mcl import messages_for
 from locfuse.run.messages import absent, radios_of, to_messages
-from locfuse.run.start import start_of
+from locfuse.run.start import require_headings, start_of
 from locfuse.run.tracker import recovering_ekf
 from locfuse.types import NANOSECONDS, OCCUPIED, Columns, ConfigError, LogError, StampArray
 
@@ -33,7 +33,8 @@ def run_errors(context: Context) -> Iterator[Finding]:
         if context.config.mcl is not None:
             messages_for(context.config, context.log)
         messages = to_messages(context.log, context.config)
-        if context.config.start != "auto":
+        require_headings(context.config, context.log)
+        if not context.config.searches_start:
             start_of(context.config, context.truth, messages)
         if context.config.estimator.kind == "tag_triangle":
             recovering_ekf(context.config, context.log, messages.landmark_names,
@@ -75,7 +76,7 @@ def messages_without_use(context: Context) -> Iterator[Finding]:
 def _scans_are_used(context: Context) -> bool:
     """Return whether a filter, a front end, or a start that has a map uses scans."""
     log, config = context.log, context.config
-    starts = config.start == "auto" and log.laser is not None and log.grid is not None
+    starts = config.searches_start and log.laser is not None and log.grid is not None
     makers = config.mcl, config.cylinders, config.scan_odometry
     return starts or any(part is not None for part in makers)
 

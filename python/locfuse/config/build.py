@@ -63,9 +63,13 @@ def build_air_config(estimator: Estimator) -> _core.AirEkfConfig:
     return config
 
 
-def build_initializer_config(initializer: Initializer) -> _core.InitializerConfig:
-    """Return the C++ struct with every value of `initializer`."""
+def build_initializer_config(
+    initializer: Initializer, start: Any = "auto"
+) -> _core.InitializerConfig:
+    """Return the C++ struct with every value of `initializer`, for a ``start``."""
     config = _core.InitializerConfig()
+    if start == "srls_headings":
+        config.method = _core.StartMethod.SRLS_HEADINGS
     _fill(config, initializer)
     return config
 
@@ -108,7 +112,7 @@ def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
         recovering.tracker = build_air_config(config.estimator)
         recovering.start_height = config.estimator.air.start_height_m
         recovering.sigma_start_height = config.estimator.air.sigma_start_height_m
-    recovering.start = build_initializer_config(config.initializer)
+    recovering.start = build_initializer_config(config.initializer, config.start)
     recovering.health = build_health_config(config.health)
     recovering.tag_conditioner = build_tag_conditioner_config(config.tag_conditioner)
     recovering.restart = config.when_lost == "restart"

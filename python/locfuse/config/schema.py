@@ -725,8 +725,9 @@ def _is_number(value: Any) -> bool:
 
 def _start(value: Any) -> Any:
     is_pose = isinstance(value, list | tuple) and len(value) == 3 and all(map(_is_number, value))
-    if value not in ("truth", "auto") and not is_pose:
-        raise ValueError("expected 'truth', 'auto' or [x_m, y_m, heading_deg], finite numbers")
+    if not is_pose and value not in ("truth", "auto", "srls_headings"):
+        raise ValueError("expected 'truth', 'auto', 'srls_headings' or [x_m, y_m, heading_deg], "
+                         "finite numbers")  # fmt: skip
     return value
 
 
@@ -734,7 +735,7 @@ Origin: TypeAlias = Annotated[
     Annotated[Name, Tag("folder")] | Annotated[Dataset, Tag("dataset")], Discriminator(_origin_kind)
 ]
 Start: TypeAlias = Annotated[
-    Literal["truth", "auto"] | tuple[float, float, float], BeforeValidator(_start)
+    Literal["truth", "auto", "srls_headings"] | tuple[float, float, float], BeforeValidator(_start)
 ]
 
 
@@ -765,7 +766,8 @@ class RunConfig(Strict):
     """Simulated messages instead of a log."""
     start: Start = "truth"
     """Start pose. `truth`: the reference at the first message, or its first pose if that is later;
-    `auto`: [found without a prior](start.md) [m, m, deg].
+    `auto`: [found without a prior](start.md); `srls_headings`: found
+    [from one set of ranges and one scan](start.md#sr-ls-and-headings) on a map [m, m, deg].
     """
     start_sigma: StartSigma = Field(default_factory=StartSigma)
     """Uncertainty of the start pose."""
@@ -814,6 +816,11 @@ class RunConfig(Strict):
     ros: Ros = Field(default_factory=Ros)
     """Topics and frames of a ROS robot."""
 
+    @property
+    def searches_start(self) -> bool:
+        """Whether the run finds its start itself."""
+        return self.start in ("auto", "srls_headings")
+
     @model_validator(mode="after")
     def _one_origin(self) -> RunConfig:
         if self.log is not None and self.simulation is not None:
@@ -858,6 +865,16 @@ class RunConfig(Strict):
         return self
 
     @model_validator(mode="after")
+    def _headings_can_be_searched(self) -> RunConfig:
+        if self.start == "srls_headings" and self.mcl is not None:
+            raise ValueError("start is 'srls_headings', but mcl finds its start by particles; "
+                             "expected 'auto', 'truth' or [x, y, heading_deg]")  # fmt: skip
+        if self.start == "srls_headings" and "ranges" not in self.use:
+            raise ValueError("start is 'srls_headings', which needs ranges, which use leaves out; "
+                             "add 'ranges' to use, or set start: auto")  # fmt: skip
+        return self
+
+    @model_validator(mode="after")
     def _odometry_of_scans_is_used(self) -> RunConfig:
         if self.scan_odometry is not None and "odometry" not in self.use:
             raise ValueError(
@@ -891,10 +908,10 @@ class RunConfig(Strict):
             raise ValueError(
                 f"both mcl and estimator.kind {kind!r} are given; expected one of them"
             )
-        if kind == "air" and self.start == "auto":
+        if kind == "air" and self.searches_start:
             raise ValueError(
-                "start is 'auto', which finds no height; with estimator.kind 'air' set start: "
-                "[x, y, heading_deg] and estimator.air.start_height_m"
+                f"start is {self.start!r}, which finds no height; with estimator.kind 'air' set "
+                "start: [x, y, heading_deg] and estimator.air.start_height_m"
             )
         unused = [source for source in self.use
                   if source not in (*FUSES[self.estimator.filter], "imu")]  # fmt: skip

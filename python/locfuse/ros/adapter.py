@@ -128,7 +128,7 @@ class Adapter:
         config = self._config
         wanted = set(config.use) | {"map", "anchors", "landmarks", "initial_pose"}
         makers = config.mcl, config.cylinders, config.scan_odometry
-        if config.start == "auto" or any(part is not None for part in makers):
+        if config.searches_start or any(part is not None for part in makers):
             wanted.add("scans")
         listens = [
             Subscription(plain(topic), source, types, source in LATCHED, QUEUES.get(source, 100))

@@ -9,6 +9,7 @@ from locfuse.types import Log
 _FOLDER = "the folder that ros.world names"
 _HOW = {
     "folder": {
+        "ranges": "add ranges.csv",
         "anchors": "add anchors.csv",
         "tags": "add 'tags: {NAME: [x, y, z]}' to log.yaml",
         "landmarks": "add landmarks.csv",
@@ -16,6 +17,7 @@ _HOW = {
         "scans": "add scans.csv, and 'laser' to log.yaml",
     },
     "bag": {
+        "ranges": "record ranges, whose topic ros.topics.ranges names",
         "anchors": f"add anchors.csv to {_FOLDER}, or record ros.topics.anchors",
         "tags": "record tf_static with a frame of each tag's name, or add "
                 f"'tags: {{NAME: [x, y, z]}}' to log.yaml in {_FOLDER}",
@@ -25,6 +27,7 @@ _HOW = {
                  f"to log.yaml in {_FOLDER}",
     },
     "simulation": {
+        "ranges": "add simulation.ranges",
         "anchors": "add simulation.anchors",
         "tags": "add simulation.tags",
         "landmarks": "add simulation.landmarks",
@@ -36,7 +39,7 @@ _FILES = {"anchors": "anchors.csv", "tags": "log.yaml", "landmarks": "landmarks.
 
 
 def how_to_add(log: Log, what: str) -> str:
-    """Return how a log like this gets ``anchors``, ``tags``, ``landmarks``, ``map`` or ``scans``.
+    """Return how a log like this gets ``anchors``, ``map``, ``scans`` and so on.
 
     Examples
     --------

@@ -213,7 +213,7 @@ def _start(
     recovering = recovering_ekf(config, log, messages.landmark_names, anchors, tags,
                                 start_height=height)  # fmt: skip
     used_until, found = None, None
-    if start is None and config.start == "auto":
+    if start is None and config.searches_start:
         initializer, used_until, found = start_from_nothing(
             config, log, messages.log, messages.begin_ns, anchors, tags, landmarks
         )

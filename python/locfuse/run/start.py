@@ -17,6 +17,7 @@ from locfuse.config.build import (
 from locfuse.config.schema import RunConfig, StartSigma
 from locfuse.eval.errors import LONGEST_GAP_S, interpolate
 from locfuse.run.messages import Messages
+from locfuse.run.missing_inputs import how_to_add
 from locfuse.types import (
     NANOSECONDS,
     ConfigError,
@@ -34,9 +35,10 @@ def start_of(config: RunConfig, truth: Trajectory | None, messages: Messages) ->
 
     Raises ConfigError where the start is ``truth`` and the log has none, or none with a heading.
     """
-    if config.start == "auto":
-        raise ConfigError("start is 'auto'; expected 'truth' or [x, y, heading_deg] here")
-    if config.start != "truth":
+    if config.searches_start:
+        raise ConfigError(f"start is {config.start!r}; expected 'truth' or [x, y, heading_deg] "
+                          "here")  # fmt: skip
+    if not isinstance(config.start, str):
         return given_start(config.start, config.start_sigma, messages.begin_ns)
     if truth is None or truth.heading is None:
         lacks = "no truth.csv" if truth is None else "a truth.csv without headings"
@@ -129,6 +131,18 @@ def matcher_of(log: Log) -> _core.ScanMatcher | None:
     return None if grid is None else _core.ScanMatcher(grid)
 
 
+def require_headings(config: RunConfig, log: Log) -> None:
+    """Raise LogError where the start is ``srls_headings``, and the log has not what that needs."""
+    there = {"ranges": "ranges" in log, "scans": "scans" in log and log.laser is not None,
+             "map": log.grid is not None}  # fmt: skip
+    for what in there if config.start == "srls_headings" else ():
+        if not there[what]:
+            raise LogError(
+                "start is 'srls_headings', which needs ranges, scans and a map, but the log has no "
+                f"{what}; {how_to_add(log, what)}, or set start: auto"
+            )
+
+
 def start_from_nothing(
     config: RunConfig,
     log: Log,
@@ -143,10 +157,11 @@ def start_from_nothing(
     Returns it, the stamp up to which messages were used, and how it went.
     Raises LogError where the log ends before one pose is left; the text says what is missing.
     """
+    require_headings(config, log)
     scans = scans_of(log)
     matcher = matcher_of(log) if scans else None
     initializer = _core.Initializer(
-        build_initializer_config(config.initializer),
+        build_initializer_config(config.initializer, config.start),
         build_estimator_config(config.estimator),
         anchors,
         list(tags),
@@ -157,7 +172,7 @@ def start_from_nothing(
     run = _core.find_start(initializer, messages, scans if matcher is not None else [])
     state = initializer.state()
     if state.status != _core.StartStatus.READY:
-        raise LogError(f"start is 'auto', but the log ends before one pose is left: "
+        raise LogError(f"start is {config.start!r}, but the log ends before one pose is left: "
                        f"{state.reason}; set start: [x, y, heading_deg]")  # fmt: skip
     best = state.hypotheses[0].estimate
     start = Start(
@@ -167,6 +182,7 @@ def start_from_nothing(
         covariance=best.covariance,
         steps=tuple((step.stamp, hypotheses_of(step.state.hypotheses)) for step in run.steps),
         used_scans=matcher is not None,
+        sums_m=None if state.headings is None else state.headings.sums,
     )
     return initializer, run.used_until, start
 

@@ -442,6 +442,32 @@ def test_particles_find_themselves_on_a_map_from_a_folder_or_a_topic(
     assert not robot.problems
 
 
+@pytest.mark.parametrize("ros", ["ros1", "ros2"])
+def test_a_start_by_headings_waits_for_its_map_on_a_topic(ros: str) -> None:
+    hall = {"path": {"shape": "eight"}, "duration_s": 10.0, "poses": None,
+            "laser": {"range_max_m": 12.0}, "map": {"walls": [[2.0, 0.0, 2.0, 3.0]]}}  # fmt: skip
+    config = parse_config({"simulation": hall, "start": "srls_headings", "seed": 3,
+                           "estimator": {"range": {"sigma_m": 0.0, "sigma_relative": 0.015}},
+                           "ros": {"estimate_at": "fused"}})  # fmt: skip
+    log = later(load_log(config, None, config.seed))
+    robot = Robot(config, log, ros=ros)
+    robot.drive()
+    assert robot.health()["message"] == "no map to compare a scan with"
+
+    robot = Robot(config, log, ros=ros)
+    robot.learn()
+    robot.drive()
+    first = robot.said("locfuse/pose")[0]
+    start = run(config, log).start
+    assert start is not None
+    assert stamps([first])[0] >= start.stamp_ns
+    truth = log["truth"]
+    row = int(np.searchsorted(truth["stamp_ns"], stamps([first])[0]))
+    x, y, _ = pose_of(first)
+    assert np.hypot(x - truth["x_m"][row], y - truth["y_m"][row]) < 0.5
+    assert not robot.problems
+
+
 def test_one_spoilt_range_does_not_take_the_others_with_it() -> None:
     config, log = room()
     robot = Robot(config, log)

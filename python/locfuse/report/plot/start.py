@@ -34,21 +34,27 @@ def plot_start(result: RunResult) -> Figure | None:
     """Draw the moment with the most hypotheses on the left and the start on the right.
 
     Two axes over the map and the anchors: each pose that fitted as an arrow with its ellipse, the
-    scan as seen from it. None if the run was not started from nothing.
+    scan as seen from it. Of ``srls_headings`` the left is the sum of distances over the heading.
+    None if the run was not started from nothing.
     """
     start = result.start
     if start is None:
         return None
     stamp, widest = max(start.steps, key=lambda step: (len(step[1]), -step[0]))
     figure = new_figure(5.6)
-    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    in_world = start.sums_m is None
+    left, right = figure.subplots(1, 2, sharex=in_world, sharey=in_world)
     found = (Hypothesis(start.pose, start.covariance, 1.0),)
     after = (stamp - start.stamp_ns) / NANOSECONDS + start.seconds
     handles: dict[str, Handle] = {}
-    for axes, poses, seen_ns, text in (
+    panels = [
         (left, widest, stamp, f"after {after:.3g} s: {_poses(len(widest))}"),
         (right, found, start.stamp_ns, f"ready after {start.seconds:.3g} s"),
-    ):
+    ]
+    if start.sums_m is not None:
+        _draw_sums(left, start.sums_m)
+        panels = panels[1:]
+    for axes, poses, seen_ns, text in panels:
         dress(axes)
         axes.set_aspect("equal", adjustable="box")
         axes.set_xlabel("x in world [m]")
@@ -58,13 +64,25 @@ def plot_start(result: RunResult) -> Figure | None:
         scan = returns_of(result.log, seen_ns) if start.used_scans else np.empty((0, 2))
         for handle in _draw_poses(axes, poses, scan):
             handles[str(handle.get_label())] = handle
-    left.set_ylabel("y in world [m]")
-    _limit(left, result, widest)
-    for axes in (left, right):
+    panels[0][0].set_ylabel("y in world [m]")
+    _limit(panels[0][0], result, widest)
+    for axes, *_ in panels:
         for handle in _draw_world(axes, result, start):
             handles[str(handle.get_label())] = handle
     legend(figure, list(handles.values()))
     return figure
+
+
+def _draw_sums(axes: Axes, sums_m: FloatArray) -> None:
+    dress(axes)
+    heading_deg = (np.arange(36) * 10 + 180) % 360 - 180
+    best = int(np.argmin(sums_m))
+    colours = np.where(np.arange(36) == best, ESTIMATE, MUTED)
+    axes.bar(heading_deg, sums_m, width=8.0, color=colours.tolist())
+    axes.set_xticks(range(-180, 181, 90))
+    axes.set_xlabel("heading [deg]")
+    axes.set_ylabel("sum of distances from the map [m]")
+    title(axes, f"best of 36 headings: {heading_deg[best]} deg")
 
 
 def _poses(count: int) -> str:
