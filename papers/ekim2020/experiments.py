@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
+from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import errors_against
 from locfuse.run.messages import truth_of
 from locfuse.run.run import run
@@ -47,12 +48,15 @@ class GazeboPowerUps:
 
     Attributes
     ----------
+    config : RunConfig
+        Of all of them.
     logs : list of Log
         Their truth is moved into the frame of the map.
     in_world, on_map : PowerUps
         The same states against the truth as published and as moved.
     """
 
+    config: RunConfig
     logs: list[Log]
     in_world: PowerUps
     on_map: PowerUps
@@ -73,7 +77,7 @@ def gazebo_power_ups(configs: Path) -> GazeboPowerUps:
         logs.append(moved_truth(log))
         in_world.append(judged(states, log, 0.3, 10.0))
         on_map.append(judged(states, logs[-1], 0.3, 10.0))
-    return GazeboPowerUps(logs, _joined(in_world), _joined(on_map))
+    return GazeboPowerUps(config, logs, _joined(in_world), _joined(on_map))
 
 
 def _joined(parts: Sequence[PowerUps]) -> PowerUps:
@@ -106,7 +110,7 @@ def heading_errors(configs: Path) -> HeadingErrors:
 
 
 def heading_errors_of(found: GazeboPowerUps) -> HeadingErrors:
-    paper = np.concatenate([ten_degree_errors(log) for log in found.logs])
+    paper = np.concatenate([ten_degree_errors(log, found.config) for log in found.logs])
     return HeadingErrors(paper, found.on_map.heading_rad)
 
 

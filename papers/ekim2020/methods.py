@@ -44,7 +44,7 @@ def power_ups(log: Log, config: RunConfig, within_m: float, within_deg: float) -
     return judged(power_up_states(log, config), log, within_m, within_deg)
 
 
-def power_up_states(log: Log, config: RunConfig) -> list[_core.StartState]:
+def power_up_states(log: Log, config: RunConfig, method: str = "auto") -> list[_core.StartState]:
     """Return what is known after each scan that has a truth, started anew at every one."""
     matcher = matcher_of(log)
     assert matcher is not None
@@ -53,7 +53,7 @@ def power_up_states(log: Log, config: RunConfig) -> list[_core.StartState]:
     ids = {name: number for number, name in enumerate(names)}
     tags = [_core.Tag(k, list(position)) for k, position in enumerate(log.tags.values())]
     tag_ids = {name: number for number, name in enumerate(log.tags)}
-    settings = build_initializer_config(config.initializer)
+    settings = build_initializer_config(config.initializer, method)
     estimator = build_estimator_config(config.estimator)
     ranges = log["ranges"]
     states = []
@@ -108,30 +108,30 @@ def refined_errors(log: Log) -> FloatArray:
     matcher = matcher_of(log)
     assert matcher is not None
     errors = []
-    for scan, true, position, covariance in _scans_and_fixes(log, "newton"):
+    for scan, true, position, covariance in _scans_and_fixes(log):
         pose = matcher.search(scan, position, covariance).hypotheses[0].match.pose
         errors.append(float(np.hypot(pose.x - true[0], pose.y - true[1])))
     return np.array(errors)
 
 
-def ten_degree_errors(log: Log) -> FloatArray:
-    matcher = matcher_of(log)
-    assert matcher is not None
+def ten_degree_errors(log: Log, config: RunConfig) -> FloatArray:
+    """Return heading errors [rad] of ``start: srls_headings``, whether it is ready or not."""
+    states = power_up_states(log, config, "srls_headings")
     errors = []
-    for scan, true, position, _ in _scans_and_fixes(log, "srls"):
-        found = matcher.heading_search(scan, position).heading
-        assert found is not None
-        errors.append(abs(float(wrap_angle(found - true[2]))))
+    for state, (_, true) in zip(states, _scans_and_truth(log), strict=True):
+        if state.headings is not None:  # else no ranges came before the scan
+            assert state.headings.heading is not None
+            errors.append(abs(float(wrap_angle(state.headings.heading - true[2]))))
     return np.array(errors)
 
 
 def _scans_and_fixes(
-    log: Log, solver: str
+    log: Log,
 ) -> Iterator[tuple[_core.LaserScan, FloatArray, FloatArray, FloatArray]]:
     """Yield scan, true pose, and position and covariance from the last ranges before it."""
     anchors, ranges, height = epochs(log, next(iter(log.tags)))
     range_ns = np.unique(log["ranges"]["stamp_ns"])
-    fixes = _core.locate_batch(anchors, ranges, SIGMA_M, height=height, solver=solver)
+    fixes = _core.locate_batch(anchors, ranges, SIGMA_M, height=height)
     for scan, true in _scans_and_truth(log):
         row = int(np.searchsorted(range_ns, scan.stamp, side="right")) - 1
         if row >= 0:
