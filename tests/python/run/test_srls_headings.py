@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from locfuse.check import check
-from locfuse.config.load import parse_config
+from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.live import LiveRun
 from locfuse.report.plot import plot_start
@@ -20,6 +20,7 @@ from locfuse.run.messages import truth_of
 from locfuse.run.run import load_log, run
 from locfuse.types import ConfigError, GridMap, Log, LogError, Start, wrap_angle
 from support_live import arrivals, assert_same, live_of, world_of
+from support_runs import CONFIGS
 
 WALLS = [[2.0, 0.0, 2.0, 3.0], [10.0, 7.0, 7.5, 7.0], [0.0, 6.0, 1.5, 6.0]]
 HALL: dict[str, Any] = {
@@ -60,6 +61,32 @@ def test_it_starts_from_ranges_and_a_scan_at_a_multiple_of_ten_degrees(seed: int
     best = int(np.argmin(result.start.sums_m))
     assert wrap_angle(np.deg2rad(10.0 * best) - result.start.pose[2]) == pytest.approx(0.0)
     assert result.metrics["position_rmse_m"] < 0.15
+
+
+@pytest.mark.parametrize("walls", [[], WALLS], ids=["square", "walls"])
+def test_auto_is_the_better_start_in_the_room_of_the_paper(walls: Any) -> None:
+    """The table of docs/start.md: `pytest -s` prints it."""
+    made = load_config(CONFIGS / "ekim_room.yaml").model_dump(exclude_unset=True)
+    laser = {"laser": {"range_max_m": 12.0}, "map": {"walls": walls}}
+    made["simulation"] |= {"duration_s": 20.0, "poses": None, **laser}
+    errors = {}
+    for start in ("auto", "srls_headings"):
+        config = parse_config({**made, "use": ["odometry", "ranges"], "start": start})
+        rows = []
+        for seed in range(1, 21):
+            result = run(config, seed=seed)
+            assert result.start is not None
+            rows.append((*errors_of(result.start, result.log), result.start.seconds))
+        errors[start] = np.array(rows)
+        away, turned, seconds = errors[start].T
+        wrong = (away > 1.0) | (turned > np.deg2rad(15.0))
+        print(f"{start}: wrong {wrong.sum()}, position {np.median(away):.3f}, {away.max():.3f} m, "
+              f"heading {np.rad2deg(np.median(turned)):.2f}, {np.rad2deg(turned.max()):.2f} deg, "
+              f"after {np.median(seconds):.1f}, {seconds.max():.1f} s")  # fmt: skip
+        assert not wrong.any()
+        assert seconds.max() <= 2.0
+    better = np.median(errors["auto"], axis=0) < np.median(errors["srls_headings"], axis=0)
+    assert better.all()
 
 
 @pytest.mark.parametrize("kind", ["pose", "tag_triangle", "landmark_slam"])
