@@ -21,7 +21,7 @@ std::optional<GyroOdometry::Motion> turned(GyroOdometry& odometry, const Message
 }
 
 void add_samples(GyroOdometry& odometry, const Integers<Stamp>& stamps, const Column<double>& rates,
-         const std::optional<Column<double>>& forces) {
+                 const std::optional<Column<double>>& forces) {
   const Column<Stamp> stamp = checked("stamp_ns", stamps, "64-bit nanoseconds");
   expect_shape("angular_rate", rates, stamp.size(), 3);
   if (forces) {
@@ -54,8 +54,10 @@ void bind_gyro_odometry(py::module_& m) {
       .finalize();
   py::native_enum<GyroVerdict>(m, "GyroVerdict", "enum.Enum", "Outcome of a motion.")
       .value("TURNED", GyroVerdict::kTurned, "The turn is of wheels and gyro.")
-      .value("SLIPPED", GyroVerdict::kSlipped, "They contradict each other: the turn is the gyro's.")
-      .value("NO_GYRO", GyroVerdict::kNoGyro, "No sample near: the motion of the wheels as it came.")
+      .value("SLIPPED", GyroVerdict::kSlipped,
+             "They contradict each other: the turn is the gyro's.")
+      .value("NO_GYRO", GyroVerdict::kNoGyro,
+             "No sample near: the motion of the wheels as it came.")
       .finalize();
   py::class_<Config>(m, "GyroOdometryConfig", "Settings of a GyroOdometry.")
       .def(py::init<>())
@@ -111,7 +113,8 @@ Examples
       .def("on", &turned<locfuse::Velocity>, py::arg("u"),
            "Returns the motion since the velocity before; None for the first one and after a "
            "pause of a second.")
-      .def("on", &turned<locfuse::Increment>, py::arg("u"), "Returns the motion with its turn by both.")
+      .def("on", &turned<locfuse::Increment>, py::arg("u"),
+           "Returns the motion with its turn by both.")
       .def("add", &add_samples, py::arg("stamp_ns"), py::arg("angular_rate"),
            py::arg("specific_force") = py::none(),
            "Takes samples, a row each: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].")

@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from locfuse.config import ros, scenario, schema
-from locfuse.config.base import Strict, description, is_tag
+from locfuse.config.base import Strict, description, is_tag, options
 
 CONFIGURATION = Path(__file__).parents[1] / "docs" / "configuration.md"
+FIRST = "## First keys"
 SECTIONS: dict[str, type[Strict]] = {
     "## Top level": schema.RunConfig,
     "### `switched_off`": schema.SwitchedOff,
@@ -84,14 +85,31 @@ def configuration_page() -> str:
     """Return the page with its tables as the schema says."""
     lines = iter(CONFIGURATION.read_text("utf-8").splitlines())
     written: list[str] = []
-    model = None
+    model, is_first = None, False
     for line in lines:
         written.append(line)
         if line.startswith("#"):
             model = SECTIONS.get(line)
+            is_first = line == FIRST
+        elif line.startswith("|---") and is_first:
+            written += map(_first_row, schema.BASIC)
+            line = next(lines)
+            while line.startswith("|"):
+                line = next(lines)
+            written.append(line)
         elif line.startswith("|---") and model is not None:
             written += _rows(model, lines)
     return "\n".join(written) + "\n"
+
+
+def _first_row(path: str) -> str:
+    *sections, key = path.split(".")
+    model: type[Strict] = schema.RunConfig
+    for section in sections:
+        (model,) = (one for one in options(model.model_fields[section].annotation)
+                    if isinstance(one, type) and issubclass(one, Strict))  # fmt: skip
+    text, unit = description(model, key)
+    return f"| `{path}` | {unit or '-'} | {text.removesuffix('.')} |"
 
 
 def _rows(model: type[Strict], lines: Iterator[str]) -> Iterator[str]:

@@ -176,7 +176,10 @@ def mcl(seed: int, factor: float) -> Sample:
     """Track by particles on the map that the world was made of."""
     config, log = simulated(seed, **MCL)
     assert config.mcl is not None
-    config = config.model_copy(update={"mcl": with_sigmas_times(config.mcl, factor)})
+    config = config.model_copy(update={
+        "mcl": with_sigmas_times(config.mcl, factor),
+        "estimator": with_sigmas_times(config.estimator, factor),
+    })  # fmt: skip
     return sample_of(run(config, log, start=drawn(log, seed)))
 
 

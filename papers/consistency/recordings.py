@@ -102,10 +102,11 @@ def _runs(configs: Path) -> Mapping[str, Callable[[], tuple[RunConfig, Log]]]:
         **{f"{name}, defaults": partial(load_recording, configs, *landmarks[name][:3])
            for name in landmarks},
         **{f"{name}, particles": partial(_on_map, configs, name) for name in maps},
-        **{f"{name}, particles, defaults": partial(_on_map, configs, name, mcl={})
+        **{f"{name}, particles, defaults": partial(_on_map, configs, name, estimator={}, mcl={})
            for name in maps},
         **{f"{name}, particles in the EKF":
-           partial(_on_map, configs, name, mcl={"poses_hz": 2}, use=["odometry", "poses"])
+           partial(_on_map, configs, name, estimator={}, mcl={"poses_hz": 2},
+                   use=["odometry", "poses"])
            for name in maps},
     }  # fmt: skip
 

@@ -47,7 +47,8 @@ def config_of(seed: int, *faults: dict[str, Any]) -> RunConfig:
             },
             "start": "truth",
             "start_sigma": {"xy_m": 0.2, "heading_deg": 5.0},
-            "mcl": {"odometry": WHEELS},
+            "estimator": {"odometry": WHEELS},
+            "mcl": {},
         }
     )
 
@@ -101,7 +102,7 @@ ON_MAP: dict[str, Scenario] = {
     "scans, a third of the laser covered": _covered(0.34),
     "scans, the laser covered": _covered(1.0),
     "scans, wheels slip, and it is known": drives_of(
-        lambda seed: with_slip_noise(config_of(seed, SLIPS), "mcl")
+        lambda seed: with_slip_noise(config_of(seed, SLIPS))
     ),
     UNMODELLED_ON_MAP: _with_faults(SLIPS),
     "scans, kidnapped": carried_off(config_of, "odometry", "scans", "truth"),

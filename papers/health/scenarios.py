@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -124,11 +124,11 @@ def _with_faults(*faults: dict[str, Any]) -> Scenario:
     return drives_of(lambda _: config_of(faults=list(faults)))
 
 
-def with_slip_noise(config: RunConfig, part: Literal["estimator", "mcl"]) -> RunConfig:
+def with_slip_noise(config: RunConfig) -> RunConfig:
     """Return a configuration whose odometry has a noise of the same variance as `SLIPS`."""
-    of = getattr(config, part)
-    odometry = of.odometry.model_copy(update=SLIP_NOISE)
-    return config.model_copy(update={part: of.model_copy(update={"odometry": odometry})})
+    odometry = config.estimator.odometry.model_copy(update=SLIP_NOISE)
+    estimator = config.estimator.model_copy(update={"odometry": odometry})
+    return config.model_copy(update={"estimator": estimator})
 
 
 def carried_off(config_of: Callable[[int], RunConfig], *tables: str) -> Scenario:
@@ -196,7 +196,7 @@ SCENARIOS: dict[str, Scenario] = {
     "an anchor moved": _moved_anchor,
     "two anchors swapped": _swapped_anchors,
     "wheels slip, and it is known": drives_of(
-        lambda _: with_slip_noise(config_of(faults=[SLIPS]), "estimator")
+        lambda _: with_slip_noise(config_of(faults=[SLIPS]))
     ),
     "wheels slip, and nobody knows": _with_faults(SLIPS),
     "blackout": _with_faults({"kind": "dropouts", "from_s": 140.0, "to_s": 160.0}),

@@ -18,7 +18,7 @@ from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import errors_against
 from locfuse.eval.relations import relation_errors, relation_metrics
-from locfuse.run.mcl import Localization, localize
+from locfuse.run.mcl import Localization, localize, with_poses_of
 from locfuse.run.messages import truth_of
 from locfuse.run.run import run
 from locfuse.sim.scenario import simulate
@@ -41,6 +41,7 @@ SIMULATED_WHEELS = {
     "sigma_heading_per_sqrt_m": 0.02,
     "sigma_heading_per_sqrt_rad": 0.03,
 }
+RATE_HZ = 2.0  # of poses of the particles
 AISLE_M = 2.0  # of travel after which the aisle must be the right one
 RECORDINGS = {  # dataset, folder, run, position [m] and heading [deg] required
     "Wean Hall 1": ("wean_hall", "wean-hall", "robotdata1", 0.12, 1.5),
@@ -111,7 +112,8 @@ def recorded(configs: Path, name: str, **keys: Any) -> tuple[RunConfig, Log]:
         "name": name,
         "start_sigma": {"xy_m": 0.2, "heading_deg": 5.7},
         "use": ["odometry"],
-        "mcl": {"min_particles": 1000, "max_particles": 1000, "odometry": WHEELS},
+        "estimator": {"odometry": WHEELS},
+        "mcl": {"min_particles": 1000, "max_particles": 1000},
     }
     return load_recording(configs, dataset, folder, of_dataset, **sections | keys)
 
@@ -207,7 +209,7 @@ def right(estimate: Trajectory, truth: Trajectory) -> tuple[NDArray[np.bool_], F
 def _found(configs: Path, name: str) -> Iterator[Claim]:
     key, what = name.replace(" ", "_").lower(), f"{name}, from nothing: "
     try:
-        mcl = {"min_particles": 500, "max_particles": 20_000, "odometry": WHEELS}
+        mcl = {"min_particles": 500, "max_particles": 20_000}
         config, log = recorded(configs, name, start="auto", mcl=mcl)
     except LogError as error:
         yield absent(f"map_{key}_found", f"{what}right after 10 m", str(error), ">= 95")
@@ -257,7 +259,7 @@ def _start_of_run(of: Localization, truth: Trajectory) -> tuple[bool, bool, bool
 def _intel(configs: Path) -> Iterator[Claim]:
     """Score relations of the `Mcl` alone, and of the pose EKF with its poses and the wheels."""
     what = "Intel lab on its map"
-    mcl = {"min_particles": 1000, "max_particles": 1000, "odometry": WHEELS, "poses_hz": 2.0}
+    mcl = {"min_particles": 1000, "max_particles": 1000, "poses_hz": RATE_HZ}
     try:
         config, log = load_recording(
             configs, "intel_lab", "intel-lab", "test", name="intel", use=["odometry", "poses"],
@@ -284,22 +286,23 @@ def _fused(configs: Path, name: str, seeds: int) -> Iterator[Claim]:
     The noise of ranges and wheels is that of the recording's notes.
     """
     key, what = name.replace(" ", "_").lower(), f"{name}, MCL at 2 Hz"
-    mcl = {"min_particles": 1000, "max_particles": 1000, "odometry": WHEELS, "poses_hz": 2.0}
+    mcl = {"min_particles": 1000, "max_particles": 1000, "poses_hz": RATE_HZ}
     try:
         config, log = recorded(configs, name, mcl=mcl, use=["odometry", "ranges", "poses"])
     except LogError as error:
         yield absent(f"map_{key}_fused", f"{what} alone / with UWB and wheels", str(error), ">= 2")
         return
     noted = load_config(configs / "ieu_gazebo.yaml").estimator
-    config = config.model_copy(update={"estimator": noted})
+    fusing = config.model_copy(update={"estimator": noted, "mcl": None})
     truth = truth_of(log)
     assert truth is not None
     gains = []
     for seed in range(seeds):
         of_seed = config.model_copy(update={"seed": seed})
-        alone = localize(of_seed, log, start=drawn(log, seed)).estimate
-        fused = run(of_seed, log, start=drawn(log, seed)).estimate
-        gains.append((_rmse(alone, truth)[0], _rmse(fused, truth)[0]))
+        alone = localize(of_seed, log, start=drawn(log, seed))
+        with_poses = with_poses_of(alone, log, RATE_HZ)
+        fused = run(fusing, with_poses, start=drawn(log, seed)).estimate
+        gains.append((_rmse(alone.estimate, truth)[0], _rmse(fused, truth)[0]))
     alone_m, fused_m = np.array(gains).T
     yield claim_of(f"map_{key}_fused_rmse", f"{what}, UWB and wheels: RMSE", "m", None, fused_m,
                    "-", lambda v: True)  # fmt: skip
@@ -322,7 +325,8 @@ def simulated(seed: int, **keys: Any) -> tuple[RunConfig, Log]:
             },
             "seed": seed,
             "start_sigma": {"xy_m": 0.2, "heading_deg": 5.7},
-            "mcl": {"odometry": SIMULATED_WHEELS} | keys,
+            "estimator": {"odometry": SIMULATED_WHEELS},
+            "mcl": keys,
         }
     )
     assert config.simulation is not None
@@ -350,7 +354,8 @@ def warehouse(seed: int, *, ranges: bool) -> tuple[RunConfig, Log]:
             },
             "seed": seed,
             "start": "auto",
-            "mcl": {"odometry": SIMULATED_WHEELS, "max_particles": 20_000},
+            "estimator": {"odometry": SIMULATED_WHEELS},
+            "mcl": {"max_particles": 20_000},
         }
     )
     assert config.simulation is not None

@@ -16,9 +16,7 @@ from locfuse._core import AnchorMap as AnchorMap
 from locfuse._core import CylinderDetector as CylinderDetector
 from locfuse._core import Gate as Gate
 from locfuse._core import GaussianBelief as GaussianBelief
-from locfuse._core import GyroOdometry as GyroOdometry
 from locfuse._core import HealthState as HealthState
-from locfuse._core import Imu as Imu
 from locfuse._core import Increment as Increment
 from locfuse._core import Initializer as Initializer
 from locfuse._core import InitializerConfig as InitializerConfig

@@ -3282,6 +3282,147 @@ class AirEkf:
         Number of times a variance was clamped to its bounds.
         """
 
+class GyroTurn(enum.Enum):
+    """
+    How a turn is made of wheels and gyro.
+    """
+
+    AVERAGE = ...
+    WEIGHTED = ...
+
+class GyroVerdict(enum.Enum):
+    """
+    Outcome of a motion.
+    """
+
+    NO_GYRO = ...
+    SLIPPED = ...
+    TURNED = ...
+
+class GyroOdometryConfig:
+    """
+    Settings of a GyroOdometry.
+    """
+
+    turn: GyroTurn
+    def __init__(self) -> None: ...
+    @property
+    def odometry(self) -> OdometryConfig:
+        """
+        Noise of the wheels, an OdometryConfig.
+        """
+    @odometry.setter
+    def odometry(self, arg0: OdometryConfig) -> None: ...
+    @property
+    def sigma_bias_radps(self) -> float:
+        """
+        Of its bias at the start [rad/s].
+        """
+    @sigma_bias_radps.setter
+    def sigma_bias_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_bias_radps_per_sqrt_s(self) -> float:
+        """
+        Random walk of the bias [rad/s / sqrt(s)].
+        """
+    @sigma_bias_radps_per_sqrt_s.setter
+    def sigma_bias_radps_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_scale(self) -> float:
+        """
+        Of the gyro's scale.
+        """
+    @sigma_scale.setter
+    def sigma_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_turn_per_sqrt_s(self) -> float:
+        """
+        White noise of the gyro [rad / sqrt(s)].
+        """
+    @sigma_turn_per_sqrt_s.setter
+    def sigma_turn_per_sqrt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_turn_scale(self) -> float:
+        """
+        Of the scale of the wheels' turn.
+        """
+    @sigma_turn_scale.setter
+    def sigma_turn_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class GyroMotion:
+    """
+    A motion whose turn is by wheels and gyro.
+    """
+    @property
+    def increment(self) -> Increment: ...
+    @property
+    def verdict(self) -> GyroVerdict: ...
+
+class GyroOdometry:
+    """
+    Odometry whose turn is measured by wheels and a gyro together; docs/models/gyro_odometry.md.
+
+    Feed messages in order of arrival. The gyro's bias and the scale of the wheels' turn are learnt from
+    their differences; where the two contradict each other wheels slip, and the turn is the gyro's. With
+    an accelerometer the turn is that about the vertical, however the sensor is mounted.
+
+    Parameters
+    ----------
+    config : GyroOdometryConfig
+
+    Raises
+    ------
+    ValueError
+        If a sigma is out of bounds, or a message is not valid.
+
+    Examples
+    --------
+    >>> from locfuse.core import GyroOdometry, GyroOdometryConfig, Imu, Increment, Pose2
+    >>> odometry = GyroOdometry(GyroOdometryConfig())
+    >>> for k in range(10):
+    ...     odometry.on(Imu(k * 10**7, [0.0, 0.0, 0.5], [0.0, 0.0, 9.81]))
+    >>> motion = odometry.on(Increment(0, 10**8, Pose2(0.1, 0.0, 0.05)))
+    >>> motion.verdict.name, round(motion.increment.motion.heading, 3)
+    ('TURNED', 0.05)
+    """
+    def __init__(self, config: GyroOdometryConfig) -> None: ...
+    def add(
+        self,
+        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
+        angular_rate: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        specific_force: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+    ) -> None:
+        """
+        Takes samples, a row each: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].
+        """
+    @typing.overload
+    def on(self, z: Imu) -> None:
+        """
+        Takes a sample; one that is not newer than the last is dropped.
+        """
+    @typing.overload
+    def on(self, u: Velocity) -> GyroMotion | None:
+        """
+        Returns the motion since the velocity before; None for the first one and after a pause of a second.
+        """
+    @typing.overload
+    def on(self, u: Increment) -> GyroMotion | None:
+        """
+        Returns the motion with its turn by both.
+        """
+    @property
+    def bias(self) -> float:
+        """
+        Of the gyro about the vertical, as known now [rad/s].
+        """
+    @property
+    def sigma_bias(self) -> float:
+        """
+        [rad/s].
+        """
+
 class RigidFitStatus(enum.Enum):
     """
     Result of a rigid fit.

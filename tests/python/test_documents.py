@@ -407,12 +407,14 @@ def unit_of(key: str) -> str | None:
     """Return the unit that a key spells; None if it spells none."""
     if key.endswith("_radps_per_sqrt_s"):
         return "rad/s/√s"
+    if key.endswith("_radps_per_sqrt_hz"):
+        return "rad/s/√Hz"
     if key in ("sigma_velocity_per_sqrt_s", "sigma_climb_per_sqrt_s"):
         return "m/s/√s"
     ending = next((ending for ending in UNITS if key.endswith(ending)), None)
     if ending is None:
         return None
-    angle = "rad" if "heading" in key else "m"
+    angle = "rad" if "heading" in key or "turn" in key else "m"
     return (angle if "sqrt" in ending else "") + UNITS[ending]
 
 

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <string>
 
+#include "estimators/recipe.hpp"
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/angle.hpp"
-#include "estimators/recipe.hpp"
 #include "math/sigma.hpp"
 
 namespace locfuse {
@@ -16,23 +16,23 @@ namespace {
 
 /// Constants that are not settings; docs/models/gyro_odometry.md.
 struct Tuning {
-  static constexpr double kGravity = 9.81;           ///< [m/s^2]
-  static constexpr double kGravityBand = 2.5;        ///< specific force beyond it shows no vertical
-  static constexpr double kUpSeconds = 5.0;          ///< time constant of the vertical [s]
-  static constexpr Stamp kMaxGap = 100'000'000;      ///< between samples [ns]
-  static constexpr Stamp kMaxHold = 1'000'000'000;   ///< of a velocity, and of samples kept [ns]
-  static constexpr double kWindow = 0.5;             ///< over which turns are compared [s]
-  static constexpr double kGate = 10.83;             ///< chi-square of one row at 0.999
-  static constexpr double kCalmAfter = 0.5;          ///< that ends a contradiction [s]
-  static constexpr double kNeitherAfter = 5.0;       ///< of contradiction: the gyro may be wrong [s]
-  static constexpr double kRelearnAfter = 15.0;      ///< of contradiction: as at the start [s]
-  static constexpr double kFloor = 1e-4;             ///< sigma of the turn that wheels report [rad]
-  static constexpr double kBiasLasts = 60.0;         ///< that the rest of the bias lasts at most [s]
-  static constexpr double kScaleLasts = kPi;         ///< what is left of a scale, as noise [rad]
-  static constexpr double kSlip = 0.25;              ///< sigma of the way of wheels that slip
-  static constexpr double kSlipLasts = 3.0;          ///< for how long [s]
-  static constexpr double kMaxTurn = 1e3;            ///< of a motion that can be compared [rad]
-  static constexpr double kMaxVariance = 1e6;        ///< of its turn [rad^2]
+  static constexpr double kGravity = 9.81;          ///< [m/s^2]
+  static constexpr double kGravityBand = 2.5;       ///< specific force beyond it shows no vertical
+  static constexpr double kUpSeconds = 5.0;         ///< time constant of the vertical [s]
+  static constexpr Stamp kMaxGap = 100'000'000;     ///< between samples [ns]
+  static constexpr Stamp kMaxHold = 1'000'000'000;  ///< of a velocity, and of samples kept [ns]
+  static constexpr double kWindow = 0.5;            ///< over which turns are compared [s]
+  static constexpr double kGate = 10.83;            ///< chi-square of one row at 0.999
+  static constexpr double kCalmAfter = 0.5;         ///< that ends a contradiction [s]
+  static constexpr double kNeitherAfter = 5.0;      ///< of contradiction: the gyro may be wrong [s]
+  static constexpr double kRelearnAfter = 15.0;     ///< of contradiction: as at the start [s]
+  static constexpr double kFloor = 1e-4;            ///< sigma of the turn that wheels report [rad]
+  static constexpr double kBiasLasts = 60.0;        ///< that the rest of the bias lasts at most [s]
+  static constexpr double kScaleLasts = kPi;        ///< what is left of a scale, as noise [rad]
+  static constexpr double kSlip = 0.25;             ///< sigma of the way of wheels that slip
+  static constexpr double kSlipLasts = 3.0;         ///< for how long [s]
+  static constexpr double kMaxTurn = 1e3;           ///< of a motion that can be compared [rad]
+  static constexpr double kMaxVariance = 1e6;       ///< of its turn [rad^2]
   static constexpr std::size_t kFrozenSamples = 10;  ///< of one value: the gyro has stopped
 };
 
@@ -108,8 +108,9 @@ std::optional<GyroOdometry::Motion> GyroOdometry::on(const Velocity& u) {
     return std::nullopt;
   }
   const double seconds = seconds_between(before->stamp, u.stamp);
-  return turned(before->stamp, u.stamp,
-                arc(before->forward * seconds, before->left * seconds, before->turn_rate * seconds));
+  return turned(
+      before->stamp, u.stamp,
+      arc(before->forward * seconds, before->left * seconds, before->turn_rate * seconds));
 }
 
 std::optional<GyroOdometry::Motion> GyroOdometry::on(const Increment& u) {
@@ -121,8 +122,9 @@ std::optional<GyroOdometry::Motion> GyroOdometry::on(const Increment& u) {
 GyroOdometry::Motion GyroOdometry::turned(Stamp begin, Stamp stamp, const Pose2& motion) {
   const bool has_stopped = is_frozen();
   const std::optional<double> measured = turn_between(begin, stamp);
-  const auto next = std::upper_bound(samples_.begin(), samples_.end(), stamp,
-                                     [](Stamp s, const Sample& sample) { return s < sample.stamp; });
+  const auto next =
+      std::upper_bound(samples_.begin(), samples_.end(), stamp,
+                       [](Stamp s, const Sample& sample) { return s < sample.stamp; });
   if (next - samples_.begin() > 1) {  // the one before the end stays
     samples_.erase(samples_.begin(), next - 1);
   }
@@ -176,9 +178,8 @@ GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double meas
   const double gyro_variance = gyro_white + lasting_bias(seconds);
   const double wheels_variance =
       wheels_white + P_(1, 1) * Tuning::kScaleLasts * std::abs(mean_turn);
-  const double of_gyro = config_.turn == Turn::kAverage
-                             ? 0.5
-                             : wheels_variance / (gyro_variance + wheels_variance);
+  const double of_gyro =
+      config_.turn == Turn::kAverage ? 0.5 : wheels_variance / (gyro_variance + wheels_variance);
   const double of_wheels = 1.0 - of_gyro;
   variance.z() = of_gyro * of_gyro * gyro_variance + of_wheels * of_wheels * wheels_variance;
   const double turn =

@@ -512,8 +512,7 @@ Initializer::Link* Initializer::link_of(const Range& z) {
 
 void Initializer::on(const PositionFix& received) {
   validate(received);
-  if (config_.method == StartMethod::kSrlsHeadings ||
-      !is_plausible(received, estimator_.limits)) {
+  if (config_.method == StartMethod::kSrlsHeadings || !is_plausible(received, estimator_.limits)) {
     return;
   }
   attempt([&] {

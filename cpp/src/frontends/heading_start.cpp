@@ -78,8 +78,8 @@ RangePosition<2> locate_by_squares(const AnchorTable& anchors, const RangesView&
   }
   const PositionRules rules;
   found.status =
-      internal::judge<2>(internal::find_minima<2>(layout, ranges, RangeLoss{}, -1.0), layout, ranges,
-                         internal::side_margin(rules.wrong_side_probability));
+      internal::judge<2>(internal::find_minima<2>(layout, ranges, RangeLoss{}, -1.0), layout,
+                         ranges, internal::side_margin(rules.wrong_side_probability));
   const int dof = layout.size - 2;
   if (found.cost > chi_squared_quantile(dof, 1.0 - rules.false_alarm_probability)) {
     found.covariance *= found.cost / dof;
@@ -101,9 +101,9 @@ HeadingStart start_by_headings(const ScanMatcher& matcher, const LaserScan& scan
   start.limit = HeadingTuning::kFitSigmas * pivot.sigma + cell +
                 0.5 * matcher.config().outlier_share * start.search.rms_range;
   const std::array<double, kSteps> means = mean_distances(start.search);
-  const auto best = static_cast<int>(
-      std::min_element(start.search.sums.begin(), start.search.sums.end()) -
-      start.search.sums.begin());
+  const auto best =
+      static_cast<int>(std::min_element(start.search.sums.begin(), start.search.sums.end()) -
+                       start.search.sums.begin());
   start.distance = means[static_cast<std::size_t>(best)];
   if (start.distance > start.limit) {
     return start;

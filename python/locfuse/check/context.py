@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from locfuse.check.grid import bounds
 from locfuse.check.headings import heading_error
 from locfuse.check.positions import epochs, interpolated, located, residuals_of
-from locfuse.config.schema import SOURCES, Estimator, Mcl, RangeError, RunConfig
+from locfuse.config.schema import SOURCES, Estimator, RangeError, RunConfig
 from locfuse.eval.dead_reckoning import Track, align, at_times, dead_reckon, levered
 from locfuse.run.messages import truth_of
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, StampArray, Trajectory
@@ -74,16 +74,15 @@ class Context:
         return self.table(source) if source in self.config.use else None
 
     @property
-    def models(self) -> Estimator | Mcl:
-        """Return what the messages are fused with."""
-        mcl = self.config.mcl
-        fuses_all = mcl is not None and mcl.poses_hz is None and mcl.switch is None
-        return mcl if mcl is not None and fuses_all else self.config.estimator
+    def models(self) -> Estimator:
+        """Wheels and sensors."""
+        return self.config.estimator
 
     @property
-    def section(self) -> str:
-        """Name of its section in the configuration."""
-        return "mcl" if isinstance(self.models, Mcl) else "estimator"
+    def by_particles(self) -> bool:
+        """Whether particles alone fuse all messages."""
+        mcl = self.config.mcl
+        return mcl is not None and mcl.poses_hz is None and mcl.switch is None
 
     @cached_property
     def names(self) -> list[str]:

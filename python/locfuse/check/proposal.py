@@ -58,12 +58,11 @@ def _keys(log: Log) -> Lines:
     ranges = log.tables.get("ranges", {})
     if len(ranges.get("stamp_ns", ())) and "sigma_m" not in ranges:
         sigma, links = _scatter(ranges)
-        section = "mcl" if log.grid is not None and "scans" in log else "estimator"
         if links:
-            yield (f"{section}.range.sigma_m", max(LEAST_SIGMA_M, float(f"{sigma:.2g}")),
+            yield ("estimator.range.sigma_m", max(LEAST_SIGMA_M, float(f"{sigma:.2g}")),
                    f"found: how {links} pairs of tag and anchor scatter")  # fmt: skip
         else:
-            yield f"{section}.range.sigma_m", 0.3, "a guess: too few ranges to see their scatter"
+            yield "estimator.range.sigma_m", 0.3, "a guess: too few ranges to see their scatter"
     for source, key, guess in (("positions", "sigma_m", 0.5), ("poses", "sigma_xy_m", 0.2)):
         sigmas = log.tables.get(source, {}).get(key, np.ones(1))
         if np.any(sigmas <= 0.0):

@@ -25,7 +25,7 @@ _STRICT = 0.95
 
 def ineffective_gates(context: Context) -> Iterator[Finding]:
     """Report each gate as a probability and in metres; name those that never or always reject."""
-    if context.section == "mcl":  # has none
+    if context.by_particles:  # has none
         return
     for key, source in GATES.items():
         if source in context.config.use and context.table(source) is not None:
@@ -72,7 +72,7 @@ def _sigma_key(context: Context, source: str) -> str:
     table = context.table(source)
     brings = table is not None and "sigma_m" in table
     if source == "ranges" and not brings:
-        return f"{context.section}.range"
+        return "estimator.range"
     return f"{source}.csv"
 
 
@@ -92,7 +92,7 @@ def implausible_sigmas(context: Context) -> Iterator[Finding]:
             yield warning(f"{source}.csv has a {column} of {sigma:g}: they are believed to a "
                           "millimetre", f"{source}.csv, {column}",
                           "give the standard deviation in metres")  # fmt: skip
-    noise, where = context.models.odometry, f"{context.section}.odometry"
+    noise, where = context.models.odometry, "estimator.odometry"
     if context.used("odometry") is not None and not any(noise.model_dump().values()):
         yield error(f"every sigma of {where} is 0: odometry is believed without end and nothing "
                     "corrects it", where,
@@ -104,7 +104,7 @@ def unused_config_sigma(context: Context) -> Iterator[Finding]:
     table = context.used("ranges")
     if table is None or "sigma_m" not in table:
         return
-    where = f"{context.section}.range"
+    where = "estimator.range"
     if "range" in context.models.model_fields_set:
         yield note(f"{where} has no effect: every range brings its own sigma_m", where,
                    "remove it, or the column sigma_m of ranges.csv")  # fmt: skip
@@ -137,7 +137,7 @@ def zero_lever_arms(context: Context) -> Iterator[Finding]:
 
 
 def _antenna(context: Context) -> Iterator[Finding]:
-    where, position = f"{context.section}.position", context.models.position
+    where, position = "estimator.position", context.models.position
     sensor = context.config.simulation and context.config.simulation.positions
     arm = (position.antenna_forward_m, position.antenna_left_m)
     if sensor:
@@ -169,7 +169,7 @@ def implausible_start(context: Context) -> Iterator[Finding]:
         elif abs(heading) > 360.0:
             yield warning(f"start has a heading of {heading:g} degrees: more than a full turn",
                           "start", "give degrees between -180 and 360")  # fmt: skip
-    if context.section == "mcl":  # does not linearize
+    if context.by_particles:  # does not linearize
         return
     if sigma.heading_deg > 45.0:
         yield warning(f"start_sigma.heading_deg is {sigma.heading_deg:g}: so wide a heading leads "

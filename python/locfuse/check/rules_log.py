@@ -94,13 +94,13 @@ def rates_and_gaps(context: Context) -> Iterator[Finding]:
         hold = context.models.hold_s
         if source == "odometry" and "v_mps" in table and gap > hold:
             yield warning(f"odometry is silent for up to {gap:.3g} s; after hold_s = {hold:g} s "
-                          "the robot counts as lost", f"{context.section}.hold_s",
+                          "the robot counts as lost", "estimator.hold_s",
                           "raise hold_s, or find what loses the rows")  # fmt: skip
 
 
 def messages_too_late(context: Context) -> Iterator[Finding]:
     """Name sources whose messages arrive later than the history reaches back."""
-    if context.section == "mcl":  # is fed in order of stamps
+    if context.by_particles:  # is fed in order of stamps
         return
     arrivals: list[StampArray] = []
     stamps: list[StampArray] = []

@@ -367,7 +367,7 @@ def sigma_against_the_scatter(context: Context) -> Iterator[Finding]:
     sigma = context.typical_sigma
     text = f"the filter takes {sigma:.2g} m for the noise of ranges, they scatter by {spread:.2g} m"
     brings = "sigma_m" in context.log["ranges"]
-    where = "ranges.csv, sigma_m" if brings else f"{context.section}.range"
+    where = "ranges.csv, sigma_m" if brings else "estimator.range"
     if sigma < 0.4 * spread:
         yield warning(f"{text}: good ranges will be gated and the covariance too small", where,
                       f"set a sigma near {spread:.2g} m")  # fmt: skip

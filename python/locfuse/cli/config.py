@@ -17,7 +17,7 @@ from locfuse.config.base import changed_keys
 from locfuse.config.json_schema import json_schema
 from locfuse.config.load import load_config
 from locfuse.config.schema import RunConfig
-from locfuse.io.whole import whole_file
+from locfuse.io.whole import write_whole
 from locfuse.types import ConfigError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True)
@@ -51,8 +51,7 @@ def init(
     if out.exists():
         raise ConfigError(f"{out}: is there already; name another file with --out")
     text = proposal(log, out.parent)
-    with whole_file(out) as file:
-        file.write_text(text, encoding="utf-8")
+    write_whole(out, text)
     print(text, end="")
     print(f"\nwrote {visible(str(out))}; next: locfuse run {visible(str(out))} --out out/run")
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from locfuse import _core
 from locfuse.config.schema import (
+    SENSORS,
     Cylinders,
     Estimator,
     Health,
@@ -81,10 +82,14 @@ def build_health_config(health: Health) -> _core.HealthConfig:
     return config
 
 
-def build_mcl_config(mcl: Mcl, seed: int) -> _core.MclConfig:
-    """Return the C++ struct with every value of `mcl`; `seed` where it has none of its own."""
+def build_mcl_config(mcl: Mcl, estimator: Estimator, seed: int) -> _core.MclConfig:
+    """Return the C++ struct with every value of `mcl`, and the wheels and sensors of `estimator`.
+
+    `seed` counts where `mcl` has none of its own.
+    """
     config = _core.MclConfig()
     _fill(config, mcl, leave=("poses_hz", "seed", "likelihood", "switch"))
+    _copy(config, estimator, ("hold_s",), SENSORS)
     if mcl.likelihood != "field":
         config.likelihood = _core.ScanLikelihood.BEAMS
     if mcl.likelihood == "zhang":
@@ -123,8 +128,7 @@ def build_gyro_config(config: RunConfig) -> _core.GyroOdometryConfig:
     """Return the C++ struct with every value of ``imu``, and the wheels of ``estimator``."""
     gyro = _core.GyroOdometryConfig()
     _fill(gyro, config.imu)
-    wheels = config.estimator if config.mcl is None else config.mcl
-    _fill(gyro.odometry, wheels.odometry)
+    _fill(gyro.odometry, config.estimator.odometry)
     return gyro
 
 

@@ -22,8 +22,9 @@ DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
 Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
+Message: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings"]
 Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings", "imu"]
-SOURCES: tuple[Source, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
+SOURCES: tuple[Message, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
 USABLE: tuple[Source, ...] = (*SOURCES, "imu")  # which goes into odometry
 Kind: TypeAlias = Literal["pose", "landmark_slam", "tag_triangle", "air"]
 # What an estimator of each kind fuses; it ignores the rest.
@@ -458,7 +459,7 @@ def places_antennas(estimator: Estimator) -> bool:
     return estimator.kind in ("pose", "air") and not any(antenna)
 
 
-def ignored_by(estimator: Estimator) -> dict[Source, str]:
+def ignored_by(estimator: Estimator) -> dict[Message, str]:
     """Return why an estimator ignores a source, for each one that it does not fuse."""
     kind = estimator.filter
     why = {source: f"{kind} does not fuse {source}"
@@ -593,8 +594,13 @@ class Switch(Strict):
         return self
 
 
+# What `Estimator` says of wheels and sensors, which goes for particles, too.
+SENSORS = ("odometry", "range", "position", "pose", "landmark", "limits")
+ROBOT = (*SENSORS, "hold_s")
+
+
 class Mcl(Strict):
-    """Monte Carlo localization; ``MclConfig`` in C++.
+    """Monte Carlo localization; ``MclConfig`` in C++, whose wheels and sensors are `estimator`'s.
 
     With a `switch` ranges and positions go to a filter of their own, by `estimator` and
     `initializer`, which rescues the particles.
@@ -630,8 +636,6 @@ class Mcl(Strict):
     """Minimum angle turned between two scans that are used [rad]."""
     kidnapping_probability: Annotated[float, Field(ge=0.0, le=0.5)] = 1e-4
     """Prior probability of kidnapping, which a recovery particle must outweigh."""
-    hold_s: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
-    """Odometry timeout: the last motion is extrapolated for this time [s]."""
     probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = 0.999
     """Minimum probability of the best hypothesis for `ready`."""
     sigma_xy_ready_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
@@ -646,8 +650,6 @@ class Mcl(Strict):
     """Seed of the particle filter; default: the seed of the run."""
     threads: Annotated[int, Field(ge=1, le=256)] = 1
     """Number of threads; results do not depend on it."""
-    odometry: Odometry = Field(default_factory=Odometry)
-    """Noise of odometry."""
     field: LikelihoodField = Field(default_factory=LikelihoodField)
     """Likelihood field: where beams end."""
     sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.4
@@ -658,16 +660,6 @@ class Mcl(Strict):
     """
     beam_model: BeamModel = Field(default_factory=BeamModel)
     """Beam model: how far beams go."""
-    range: Range = Field(default_factory=Range)
-    """Noise of ranges."""
-    position: Position = Field(default_factory=Position)
-    """Antenna position in body and sigmas of position fixes."""
-    pose: Pose = Field(default_factory=Pose)
-    """Sigmas of poses."""
-    landmark: Landmark = Field(default_factory=Landmark)
-    """Noise of landmark observations."""
-    limits: Limits = Field(default_factory=Limits)
-    """Physical limits of robot and sensors."""
 
     @model_validator(mode="after")
     def _least_and_most(self) -> Mcl:
@@ -742,12 +734,22 @@ Start: TypeAlias = Annotated[
 class SwitchedOff(Strict):
     """A source that is off from one arrival on, and perhaps on again from another."""
 
-    source: Source
+    source: Message
     """Source that is off."""
     from_s: Annotated[float, Field(ge=-4e9, le=4e9)]
     """First arrival time, on the clock of the log, at which it is off [s]."""
     until_s: Annotated[float, Field(ge=-4e9, le=4e9)] | None = None
     """Arrival time from which it is on again; default: never [s]."""
+
+
+# The keys that most robots need; all others are for experts.
+BASIC = (
+    "log", "start", "use", "estimator.kind",
+    "estimator.odometry.sigma_longitudinal_per_sqrt_m",
+    "estimator.odometry.sigma_heading_per_sqrt_rad", "estimator.range.sigma_m",
+    "estimator.position.sigma_m", "estimator.pose.sigma_m", "mcl", "cylinders", "scan_odometry",
+    "health.limit_m", "ros.world", "ros.topics",
+)  # fmt: skip
 
 
 class RunConfig(Strict):
@@ -820,6 +822,24 @@ class RunConfig(Strict):
     def searches_start(self) -> bool:
         """Whether the run finds its start itself."""
         return self.start in ("auto", "srls_headings")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sensors_stand_in_one_place(cls, data: Any) -> Any:
+        """Refuse sensors of ``mcl``, which are those of ``estimator``, unless they say the same."""
+        mcl = data.get("mcl") if isinstance(data, dict) else None
+        if not isinstance(mcl, dict) or not any(key in mcl for key in ROBOT):
+            return data
+        estimator = data.get("estimator") or {}
+        # What the EKF of poses_hz fuses was never of use to particles.
+        used = ROBOT if mcl.get("poses_hz") is None else ("odometry", "limits", "hold_s")
+        for key in (key for key in used if key in mcl):
+            if not isinstance(estimator, dict) or estimator.get(key) != mcl[key]:
+                raise ValueError(
+                    f"mcl.{key} is not a key any more: the robot is described once, in estimator; "
+                    f"move it to estimator.{key}"
+                )
+        return {**data, "mcl": {key: mcl[key] for key in mcl if key not in ROBOT}}
 
     @model_validator(mode="after")
     def _one_origin(self) -> RunConfig:
@@ -915,7 +935,7 @@ class RunConfig(Strict):
             )
         unused = [source for source in self.use
                   if source not in (*FUSES[self.estimator.filter], "imu")]  # fmt: skip
-        if unused and self.use != list(USABLE):
+        if unused and self.use not in (list(USABLE), list(SOURCES)):
             raise ValueError(
                 f"use names {unused}, which estimator.kind {kind!r} does not fuse; expected some "
                 f"of {list(FUSES[self.estimator.filter])}"

@@ -136,7 +136,7 @@ def mcl_on(
     Raises ValueError where the map has no free or no occupied cell.
     """
     assert config.mcl is not None
-    settings = build_mcl_config(config.mcl, config.seed)
+    settings = build_mcl_config(config.mcl, config.estimator, config.seed)
     settings.health = build_health_config(config.health)
     mcl = _core.Mcl(settings, grid, begin_ns, *radios, landmarks)
     if start is not None:

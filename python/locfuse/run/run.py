@@ -270,7 +270,7 @@ def _noise_factors(config: RunConfig, record: _core.RunLog) -> dict[str, float] 
     if config.estimator.adaptive.messages == 0.0:
         return None
     return {source: record.noise_factor(_core.Source[source.upper()])
-            for source in config.use if source != "odometry"}  # fmt: skip
+            for source in config.use if source not in ("odometry", "imu")}  # fmt: skip
 
 
 def _switches(config: RunConfig) -> list[tuple[int, _core.Source, bool]]:

@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from locfuse.config.schema import LEFT_OUT, SOURCES, Kind, RunConfig
+from locfuse.config.schema import LEFT_OUT, USABLE, Kind, RunConfig
 from locfuse.run.tracker import TRIANGLE
 from locfuse.studio.document import Data, Draft, RefusedError, checked
 
 _OF_SEVERAL_HEIGHTS_M = 1.0  # by which anchors differ that give a height
-_EKF = tuple(source for source in SOURCES if source != "odometry")
+_EKF = tuple(source for source in USABLE if source != "odometry")
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def _uses(*sources: str) -> Callable[[Draft], None]:
 
 def _maps(draft: Draft) -> None:
     _set_kind(draft, "landmark_slam")
-    draft.set(("use",), list(SOURCES))
+    draft.set(("use",), list(USABLE))
     draft.set(("mcl",), None)
     draft.set(("estimator", "landmark_slam", "use_map"), False)
 
@@ -58,7 +58,7 @@ def _maps(draft: Draft) -> None:
 def _of_kind(kind: Kind) -> Callable[[Draft], None]:
     def change(draft: Draft) -> None:
         _set_kind(draft, kind)
-        draft.set(("use",), list(SOURCES))
+        draft.set(("use",), list(USABLE))
         draft.set(("mcl",), None)
         draft.set(("cylinders",), None)
 
@@ -121,7 +121,7 @@ def _can(choice: Choice, data: Data, config: RunConfig) -> bool:
         return False
     if choice.key.startswith("mcl"):
         return True
-    simulated = {source for source in SOURCES if getattr(simulation, source) is not None}
+    simulated = {source for source in USABLE if getattr(simulation, source) is not None}
     if with_choice.cylinders is not None:
         simulated.add("landmark_sightings")
     if choice.key == "tag_triangle":

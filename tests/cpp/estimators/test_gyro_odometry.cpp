@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "locfuse/estimators/gyro_odometry.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +7,7 @@
 #include <optional>
 #include <random>
 
+#include "locfuse/estimators/gyro_odometry.hpp"
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/angle.hpp"
 #include "support/expect.hpp"
@@ -209,10 +208,11 @@ TEST(GyroOdometry, the_variance_of_the_turn_is_honest) {
                                   config.sigma_turn_per_sqrt_s / std::sqrt(step) * normal(random)));
       }
       const double turn = rate * dt;
-      const double sigma = std::sqrt(config.odometry.sigma_heading_per_sqrt_m *
-                                         config.odometry.sigma_heading_per_sqrt_m * speed * dt +
-                                     config.odometry.sigma_heading_per_sqrt_rad *
-                                         config.odometry.sigma_heading_per_sqrt_rad * std::abs(turn));
+      const double sigma =
+          std::sqrt(config.odometry.sigma_heading_per_sqrt_m *
+                        config.odometry.sigma_heading_per_sqrt_m * speed * dt +
+                    config.odometry.sigma_heading_per_sqrt_rad *
+                        config.odometry.sigma_heading_per_sqrt_rad * std::abs(turn));
       const double wheels = turn_scale * turn + sigma * normal(random);
       const auto motion =
           odometry.on(Increment{now, now + kOdometry, arc(speed * dt, 0.0, wheels)});
@@ -242,8 +242,11 @@ TEST(GyroOdometry, refuses_what_is_not_valid) {
   GyroOdometry odometry{GyroOdometry::Config{}};
   const double nan = std::numeric_limits<double>::quiet_NaN();
   testing::expect_refused([&] { odometry.on(Imu{0, {0.0, nan, 0.0}}); }, "Imu.angular_rate", "nan");
-  testing::expect_refused([&] { odometry.on(Imu{0, {0.0, 0.0, 0.0}, Vector<3>(0.0, 0.0, 1e6)}); },
-                          "Imu.specific_force", "1e+06");
+  testing::expect_refused(
+      [&] {
+        odometry.on(Imu{0, {0.0, 0.0, 0.0}, Vector<3>(0.0, 0.0, 1e6)});
+      },
+      "Imu.specific_force", "1e+06");
   testing::expect_refused([&] { odometry.on(Increment{9, 4, {}}); }, "9", "4");
 }
 

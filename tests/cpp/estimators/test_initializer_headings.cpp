@@ -23,11 +23,8 @@ struct Robot {
   testing::Rng rng;
   testing::Room room;
   Pose2 pose;
-  std::shared_ptr<const AnchorMap> anchors = std::make_shared<const AnchorMap>(
-      std::vector<Anchor>{{0, {-6.0, -6.0, 2.0}},
-                          {1, {6.0, -6.0, 2.0}},
-                          {2, {6.0, 6.0, 2.0}},
-                          {3, {-6.0, 6.0, 1.0}}});
+  std::shared_ptr<const AnchorMap> anchors = std::make_shared<const AnchorMap>(std::vector<Anchor>{
+      {0, {-6.0, -6.0, 2.0}}, {1, {6.0, -6.0, 2.0}}, {2, {6.0, 6.0, 2.0}}, {3, {-6.0, 6.0, 1.0}}});
   Tag tag{0, {0.3, -0.2, 1.0}};
   Stamp now = 0;
 

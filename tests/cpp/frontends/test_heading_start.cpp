@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "locfuse/frontends/heading_start.hpp"
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "locfuse/frontends/heading_start.hpp"
 #include "support/expect.hpp"
 #include "support/rooms.hpp"
 
@@ -24,8 +23,7 @@ RangePosition<2> located(const Rows& anchors, const Rows& ranges, double sigma) 
 }
 
 TEST(LocateBySquares, finds_a_position_from_three_anchors) {
-  const RangePosition<2> found =
-      located({0, 0, 8, 0, 4, 6}, {5.0, std::hypot(4.0, 3.0), 3.0}, 0.1);
+  const RangePosition<2> found = located({0, 0, 8, 0, 4, 6}, {5.0, std::hypot(4.0, 3.0), 3.0}, 0.1);
   EXPECT_EQ(found.status, PositionStatus::kUnique);
   EXPECT_NEAR(found.position.x(), 4.0, 1e-9);
   EXPECT_NEAR(found.position.y(), 3.0, 1e-9);
@@ -39,8 +37,11 @@ TEST(LocateBySquares, refuses_what_leaves_a_position_open) {
   EXPECT_EQ(located({0, 0, 0, 0, 0, 0}, {5.0, 5.0, 5.0}, 0.1).status,
             PositionStatus::kUnderdetermined);
   EXPECT_EQ(located({0, 0, 8, 0}, {4.0, 4.0}, 0.1).status, PositionStatus::kUnderdetermined);
-  testing::expect_refused([] { (void)located({0, 0, 8, 0, 4, 6}, {5.0, 5.0, 0.0}, 0.1); },
-                          "a range is 0");
+  testing::expect_refused(
+      [] {
+        (void)located({0, 0, 8, 0, 4, 6}, {5.0, 5.0, 0.0}, 0.1);
+      },
+      "a range is 0");
 }
 
 TEST(LocateBySquares, is_less_sure_of_ranges_that_disagree) {
@@ -63,9 +64,8 @@ TEST(HeadingStart, errs_as_much_as_it_believes_about_a_tag_beside_the_middle) {
     Rng rng(seed);
     const testing::Room room = testing::random_room(rng);
     const ScanMatcher matcher(room.map);
-    const Pose2 body =
-        room.middle * Pose2{uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0),
-                            uniform(rng, -kPi, kPi)};
+    const Pose2 body = room.middle * Pose2{uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0),
+                                           uniform(rng, -kPi, kPi)};
     const LaserScan scan = testing::scan_from(room.walls, body, rng, 0.01);
     const Vector<2> tag(0.3, -0.4);
     const double sigma = 0.15;
@@ -92,8 +92,8 @@ TEST(HeadingStart, finds_four_headings_in_the_middle_of_a_square_and_all_in_a_ro
   testing::Walls square;
   testing::add_box(square, {}, 8.0, 8.0);
   const auto in_square = testing::map_of(square, 200, 200, 0.05, {-5.0, -5.0, 0.0});
-  const auto laser = std::make_shared<const LaserGeometry>(
-      LaserGeometry{{}, -kPi, 2.0 * kPi / 360, 0.1, 12.0});
+  const auto laser =
+      std::make_shared<const LaserGeometry>(LaserGeometry{{}, -kPi, 2.0 * kPi / 360, 0.1, 12.0});
   const LaserScan corners = testing::scan_from(square, {0.0, 0.0, 0.3}, rng, 0.01, laser);
   const HeadingStart four =
       start_by_headings(ScanMatcher(in_square), corners, {{0.0, 0.0}, 0.05, {0.0, 0.0}});

@@ -27,6 +27,8 @@ from locfuse.config.build import (
 )
 from locfuse.config.load import parse_config
 from locfuse.config.schema import (
+    BASIC,
+    ROBOT,
     Adaptive,
     BeamModel,
     Calibration,
@@ -75,7 +77,7 @@ OF_THE_RUN = {
     "Estimator": {"kind", "landmark_slam", "tag_triangle", "air"},
     "Mcl": {"poses_hz", "switch", "seed", "likelihood"},
 }  # keys that say more, or other things, than the struct
-BESIDE = {"Mcl": {"health"}, "Initializer": {"method"}}  # of the struct, set by other keys
+BESIDE = {"Mcl": {"health", *ROBOT}, "Initializer": {"method"}}  # of the struct, set by other keys
 
 
 def bound_fields(struct: type[Any]) -> set[str]:
@@ -111,7 +113,7 @@ BUILDERS: dict[str, Callable[[Any], Any]] = {
     "Estimator": build_estimator_config,
     "Health": build_health_config,
     "Initializer": build_initializer_config,
-    "Mcl": lambda mcl: build_mcl_config(mcl, _core.MclConfig().seed),
+    "Mcl": lambda mcl: build_mcl_config(mcl, Estimator(), _core.MclConfig().seed),
     "Switch": build_switching_config,
     "TagConditioner": build_tag_conditioner_config,
 }
@@ -305,8 +307,8 @@ def test_a_configuration_never_changes_once_made() -> None:
 
 
 def test_particles_have_the_seed_of_the_run_unless_they_have_one_of_their_own() -> None:
-    assert build_mcl_config(Mcl(), 5).seed == 5
-    assert build_mcl_config(Mcl(seed=2**64 - 1), 5).seed == 2**64 - 1
+    assert build_mcl_config(Mcl(), Estimator(), 5).seed == 5
+    assert build_mcl_config(Mcl(seed=2**64 - 1), Estimator(), 5).seed == 2**64 - 1
     for wrong in (-1, 2**64):
         with pytest.raises(ValidationError):
             Mcl(seed=wrong)
@@ -478,6 +480,27 @@ def test_a_kind_refuses_in_the_schema_what_its_core_refuses(kind: str, key: str)
             continue
         makes(estimator)  # what the schema allows the core allows
     assert refused
+
+
+def test_at_most_fifteen_keys_are_for_everybody() -> None:
+    assert len(set(BASIC)) == len(BASIC) <= 15
+    everything = parse_config({"mcl": {}, "cylinders": {}, "scan_odometry": {}})
+    assert all(at(everything, tuple(key.split("."))) != () for key in BASIC)  # each is a key
+
+
+def test_wheels_and_sensors_are_described_once() -> None:
+    wheels = {"sigma_heading_per_sqrt_m": 0.5}
+    config = parse_config({"estimator": {"odometry": wheels, "hold_s": 2}, "mcl": {}})
+    assert config.mcl is not None
+    built = build_mcl_config(config.mcl, config.estimator, 1)
+    assert built.odometry.sigma_heading_per_sqrt_m == 0.5
+    assert built.hold_s == 2.0
+    same = {"estimator": {"odometry": wheels}, "mcl": {"odometry": wheels}}  # as files had it
+    assert parse_config(same) == parse_config({"estimator": {"odometry": wheels}, "mcl": {}})
+    others: list[Any] = [{}, {"odometry": {}}, None]
+    for estimator in others:
+        with pytest.raises(ConfigError, match=r"mcl.odometry .* move it to estimator.odometry"):
+            parse_config({"estimator": estimator, "mcl": {"odometry": wheels}})
 
 
 def test_scan_odometry_has_the_default_of_the_struct() -> None:

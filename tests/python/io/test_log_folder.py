@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from locfuse.config.scenario import Latency, OdometrySensor, PositionSensor, RangeSensor, Scenario
-from locfuse.io.log_folder import MESSAGES, SCHEMA, read_log, write_log
+from locfuse.io.log_folder import FORCES, MESSAGES, RATES, SCHEMA, read_log, write_log
 from locfuse.sim.scenario import simulate
 from locfuse.types import GridMap, Log, LogError
 from support_runs import GOOD, write_folder
@@ -64,6 +64,8 @@ def full_log() -> Log:
             "dy_m": np.array([0.5, 0.0]),
             "dheading_rad": np.array([3.0, -0.1]),
         },
+        "imu": {name: np.array([0.5, -1.0]) for name in (*RATES, *FORCES)}
+        | {"stamp_ns": np.array([0, 10])},
         "landmarks": {"landmark": np.array(["tree"]), "x_m": np.ones(1), "y_m": np.ones(1)},
     }
     tags = {"tag": (0.1, 0.2, 1.1)}

@@ -33,7 +33,7 @@ FLOOR: dict[str, Any] = {
     "poses": None,
 }
 NOISE = {"range": {"sigma_m": 0.0, "sigma_relative": 0.015}}
-MCL = {"max_particles": 3000, **NOISE}
+MCL = {"max_particles": 3000}
 
 
 def config_of(**more: Any) -> RunConfig:
@@ -228,9 +228,9 @@ WHEELS = {"odometry": {"sigma_xy_per_sqrt_s": 0.1}}
 def test_uwb_rescues_particles_that_have_spread() -> None:
     shared = {"simulation": BLIND, "use": ["odometry", "ranges"],
               "estimator": {**NOISE, **WHEELS}}  # fmt: skip
-    alone = run(config_of(simulation=BLIND, mcl={**MCL, **WHEELS}), seed=1)
+    alone = run(config_of(simulation=BLIND, estimator={**NOISE, **WHEELS}), seed=1)
     tight = {"sigma_unsure_m": 0.3, "sigma_sure_m": 0.2, "uwb_sigma_m": 0.2, "doubt_s": 1.0}
-    config = config_of(**shared, mcl={**MCL, **WHEELS, "switch": tight})
+    config = config_of(**shared, mcl={**MCL, "switch": tight})
     rescued = run(config, seed=1)
 
     assert rescued.metrics["position_p95_m"] < 0.5 < alone.metrics["position_p95_m"]

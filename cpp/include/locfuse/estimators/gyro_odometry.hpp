@@ -30,11 +30,11 @@ class GyroOdometry {
     Turn turn = Turn::kWeighted;
     /// White noise of the gyro: heading error after a second [rad / sqrt(s)].
     double sigma_turn_per_sqrt_s = 0.002;
-    double sigma_bias_radps = 0.1;               ///< of the gyro's bias at the start [rad/s]
-    double sigma_bias_radps_per_sqrt_s = 1e-4;   ///< random walk of the bias [rad/s / sqrt(s)]
-    double sigma_scale = 0.01;                   ///< of the gyro's scale
-    double sigma_turn_scale = 0.05;              ///< of the scale of the wheels' turn
-    OdometryMotion::Config odometry;             ///< noise of the wheels
+    double sigma_bias_radps = 0.1;              ///< of the gyro's bias at the start [rad/s]
+    double sigma_bias_radps_per_sqrt_s = 1e-4;  ///< random walk of the bias [rad/s / sqrt(s)]
+    double sigma_scale = 0.01;                  ///< of the gyro's scale
+    double sigma_turn_scale = 0.05;             ///< of the scale of the wheels' turn
+    OdometryMotion::Config odometry;            ///< noise of the wheels
   };
 
   /// What became of a motion.
@@ -83,7 +83,7 @@ class GyroOdometry {
 
   Config config_;
   OdometryMotion wheels_;
-  std::vector<Sample> samples_;  // since the last motion, and the one before them
+  std::vector<Sample> samples_;        // since the last motion, and the one before them
   Vector<3> up_ = Vector<3>::UnitZ();  // in the axes of the sensor
   bool has_up_ = false;
   std::optional<Velocity> held_;
@@ -91,12 +91,12 @@ class GyroOdometry {
   Matrix<2, 2> P_;
   double age_s_ = 0.0;  // of what is known of the bias
   // Over the last half second:
-  double rate_ = 0.0;                      // of the turn [rad/s]
-  double difference_ = 0.0;                // of the turns
-  double variance_ = 0.0;                  // white part of it
-  Vector<2> H_ = Vector<2>::Zero();        // its derivative with respect to x
-  double contradicted_s_ = 0.0;            // how long they have contradicted each other
-  double calm_s_ = 0.0;                    // how long they have agreed since
+  double rate_ = 0.0;                // of the turn [rad/s]
+  double difference_ = 0.0;          // of the turns
+  double variance_ = 0.0;            // white part of it
+  Vector<2> H_ = Vector<2>::Zero();  // its derivative with respect to x
+  double contradicted_s_ = 0.0;      // how long they have contradicted each other
+  double calm_s_ = 0.0;              // how long they have agreed since
 };
 
 }  // namespace locfuse

@@ -12,10 +12,10 @@ namespace locfuse {
 
 /// Position of a tag in world from one range per anchor, by SR-LS.
 ///
-/// kUnique where the ranges determine it: three of them, of anchors well off a line (kAmbiguous) and
-/// not in one place (kUnderdetermined). If they disagree more than `sigma` says, the covariance is
-/// larger by as much, eq. (4). Throws std::invalid_argument if `validate` does, or if a range is not
-/// a length.
+/// kUnique where the ranges determine it: three of them, of anchors well off a line (kAmbiguous)
+/// and not in one place (kUnderdetermined). If they disagree more than `sigma` says, the covariance
+/// is larger by as much, eq. (4). Throws std::invalid_argument if `validate` does, or if a range is
+/// not a length.
 [[nodiscard]] RangePosition<2> locate_by_squares(const AnchorTable& anchors,
                                                  const RangesView& ranges, const RangesView& sigma);
 
