@@ -59,6 +59,15 @@ void bind_mcl(py::module_& m) {
       .value("FIELD", Mcl::Likelihood::kField, "Likelihood field of the end points.")
       .value("BEAMS", Mcl::Likelihood::kBeams, "Beam model of the ranges.")
       .finalize();
+  py::native_enum<Mcl::Proposal>(m, "ScanProposal", "enum.Enum",
+                                 "What particles are drawn from before a scan weighs them.")
+      .value("ODOMETRY", Mcl::Proposal::kOdometry, "The motion model alone.")
+      .value("SCAN_MATCH", Mcl::Proposal::kScanMatch, "Motion model and one match of the scan.")
+      .value("LINE_EKF", Mcl::Proposal::kLineEkf,
+             "Motion model, corrected in each particle by the lines of scan and map.")
+      .value("LINE_EKF_PAPER", Mcl::Proposal::kLineEkfPaper,
+             "The same with the paper's weight (zhang).")
+      .finalize();
   using Config = Mcl::Config;
   py::class_<Config>(m, "MclConfig", "Noise and behaviour of an Mcl.")
       .def(py::init<>())
@@ -74,7 +83,7 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("effective_share", &Config::effective_share)
       .def_readwrite("outlier_share", &Config::outlier_share)
       .def_readwrite("resample_below", &Config::resample_below)
-      .def_readwrite("refine_up_to", &Config::refine_up_to)
+      .def_readwrite("proposal", &Config::proposal)
       .def_readwrite("spacing_m", &Config::spacing_m)
       .def_readwrite("spacing_heading_rad", &Config::spacing_heading_rad)
       .def_readwrite("most_gain", &Config::most_gain)

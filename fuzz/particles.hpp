@@ -20,8 +20,8 @@ namespace locfuse::fuzz {
 
 /// Arbitrary settings, except that those that determine memory and time are small.
 inline void code_settings(Reader& io, Mcl::Config& c) {
-  for (int* count : {&c.min_particles, &c.max_particles, &c.beams, &c.scouts, &c.scout_draws,
-                     &c.refine_up_to, &c.bin_headings}) {
+  for (int* count :
+       {&c.min_particles, &c.max_particles, &c.beams, &c.scouts, &c.scout_draws, &c.bin_headings}) {
     code(io, *count);
   }
   code(io,
@@ -63,6 +63,9 @@ inline void code_settings(Reader& io, Mcl::Config& c) {
   bool by_beams = false;
   code(io, by_beams);
   c.likelihood = by_beams ? Mcl::Likelihood::kBeams : Mcl::Likelihood::kField;
+  std::uint8_t proposal = 0;
+  code(io, proposal, 4);
+  c.proposal = static_cast<Mcl::Proposal>(proposal);
   code(io, c.health);
 }
 

@@ -35,20 +35,20 @@ Mcl::Config settings(int particles, int beams, int threads) {
   return config;
 }
 
-Mcl started(int particles, int beams, int threads, bool refined) {
+Mcl started(int particles, int beams, int threads, Mcl::Proposal proposal) {
   Mcl::Config config = settings(particles, beams, threads);
-  config.refine_up_to = refined ? particles : 0;
+  config.proposal = proposal;
   Mcl mcl(config, room().map, 0);
   const locfuse::Vector<3> sigma(0.1, 0.1, 0.05);
   mcl.start_at({{{0, room().truth[0], sigma.cwiseAbs2().asDiagonal()}, 1.0}});
   return mcl;
 }
 
-/// `refined` draws particles from the product of odometry and a scan match.
-void step(benchmark::State& state, bool refined) {
+/// Particles are drawn from a `proposal`.
+void step(benchmark::State& state, Mcl::Proposal proposal) {
   const auto particles = static_cast<int>(state.range(0));
   const auto beams = static_cast<int>(state.range(1));
-  const Mcl fresh = started(particles, beams, static_cast<int>(state.range(2)), refined);
+  const Mcl fresh = started(particles, beams, static_cast<int>(state.range(2)), proposal);
   Mcl mcl = fresh;
   std::size_t k = 0;
   double squares = 0.0;
@@ -207,7 +207,7 @@ void plain(benchmark::State& state) {
   }
 }
 
-BENCHMARK_CAPTURE(step, odometry, false)
+BENCHMARK_CAPTURE(step, odometry, Mcl::Proposal::kOdometry)
     ->Name("mcl/step")
     ->Args({200, 60, 1})
     ->Args({2000, 60, 1})
@@ -215,7 +215,7 @@ BENCHMARK_CAPTURE(step, odometry, false)
     ->Args({20000, 180, 2})
     ->Unit(benchmark::kMicrosecond)
     ->UseRealTime();
-BENCHMARK_CAPTURE(step, match, true)
+BENCHMARK_CAPTURE(step, match, Mcl::Proposal::kScanMatch)
     ->Name("mcl/refined")
     ->Args({200, 60, 1})
     ->Args({2000, 60, 1})

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from locfuse.eval.consistency import band
 from locfuse.types import FloatArray
-from papers.claims import Claim, Paper, Progress, Statement, claim_of, share
+from papers.claims import Claim, Paper, Progress, Statement, claim_of, consistent, share
 from papers.zhang.experiments import (
     METHODS,
     OUR_ITERATIONS,
@@ -16,6 +17,7 @@ from papers.zhang.experiments import (
     Runs,
     compare,
     spreads,
+    tracked_by_lines,
 )
 from papers.zhang.world import ITERATIONS
 
@@ -99,7 +101,20 @@ PAPER = Paper(
 
 def zhang_claims(seeds: int, progress: Progress) -> list[Claim]:
     """Return the rows of the comparison; a tenth of the seeds also tracks from a known start."""
-    return list(comparison_claims(compare(seeds, progress), spreads(max(2, seeds // 10))))
+    rows = comparison_claims(compare(seeds, progress), spreads(max(2, seeds // 10)))
+    return [*rows, *line_claims(*tracked_by_lines(seeds))]
+
+
+def line_claims(paper: FloatArray, errors: FloatArray, nees: FloatArray) -> Iterator[Claim]:
+    """Return the rows about lines in each particle in C++: precise as the paper's, and honest."""
+    what = "tracked from a known start: "
+    most = float(np.median(paper))
+    yield claim_of("zhang_paper_tracked", f"the paper's, {what}error, iteration {ITERATIONS}", "m",
+                   None, paper, "-", lambda v: True)  # fmt: skip
+    yield claim_of("zhang_lines_tracked", f"`proposal: line_ekf`, {what}error, iteration "
+                   f"{ITERATIONS}", "m", None, errors, f"<= {most:.4f}", lambda v: v <= most,
+                   "required: the paper's median")  # fmt: skip
+    yield consistent("zhang_lines", f"`proposal: line_ekf`, {what}", nees, band(3, len(nees)))
 
 
 def comparison_claims(

@@ -13,7 +13,7 @@ from locfuse import _core
 from locfuse.types import FloatArray
 from papers.claims import Progress
 from papers.scores import rms
-from papers.zhang.methods import FusionMcl, OurMcl, StandardMcl, settings
+from papers.zhang.methods import FusionMcl, OurMcl, StandardMcl, settings, tracking_settings
 from papers.zhang.particle_filter import Localizer, around, errors_of
 from papers.zhang.world import ITERATIONS, World, world
 
@@ -89,6 +89,38 @@ def _run(method: Localizer, of: World) -> tuple[FloatArray, FloatArray]:
         seconds.append(time.process_time() - begin)
         errors.append(errors_of(method.estimate(), step.truth))
     return np.array(errors), np.array(seconds)
+
+
+def tracked_by_lines(seeds: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Track from a known start: the paper's refinement in numpy, and in C++ as `line_ekf`.
+
+    Returns
+    -------
+    float64 arrays, shape (seeds,)
+        Errors [m] of the paper's and of `line_ekf` after `ITERATIONS`, and the NEES of the latter.
+    """
+    rows = []
+    for seed in range(seeds):
+        of = world(seed)
+        paper = localizer("paper", of, seed, known_start=True)
+        lines = line_ekf(of, seed)
+        for step in of.steps:
+            paper.on(step)
+            lines.on(step)
+        truth = of.steps[-1].truth
+        rows.append([errors_of(paper.estimate(), truth)[0], errors_of(lines.estimate(), truth)[0],
+                     lines.nees(truth)])  # fmt: skip
+    errors_paper, errors, nees = np.array(rows).T
+    return errors_paper, errors, nees
+
+
+def line_ekf(of: World, seed: int) -> OurMcl:
+    """Return an `Mcl` that draws particles from lines, started near the true start."""
+    sigma_m, sigma_rad = SIGMA_START
+    off = np.random.default_rng([seed, 1]).normal(0.0, [sigma_m, sigma_m, sigma_rad])
+    P = np.diag(np.square([sigma_m, sigma_m, sigma_rad]))
+    start = _core.PoseEstimate(0, _core.Pose2(*(of.start + off)), P)
+    return OurMcl(of.grid, tracking_settings(seed), start)
 
 
 def spreads(seeds: int) -> dict[str, FloatArray]:

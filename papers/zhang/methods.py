@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.types import FREE, FloatArray, GridMap
+from locfuse.types import FREE, FloatArray, GridMap, wrap_angle
 from papers.zhang import motion
 from papers.zhang.line_features import correct, map_lines, scan_lines
 from papers.zhang.particle_filter import (
@@ -199,6 +199,14 @@ def settings(seed: int) -> _core.MclConfig:
     return config
 
 
+def tracking_settings(seed: int) -> _core.MclConfig:
+    """Return `settings` with the paper's refinement in C++, on a map that is known to be exact."""
+    config = settings(seed)
+    config.proposal = _core.ScanProposal.LINE_EKF
+    config.sigma_map_m = config.sigma_map_rad = 0.0
+    return config
+
+
 class OurMcl:
     """`Mcl` of the library, fed like the others.
 
@@ -224,6 +232,12 @@ class OurMcl:
     def estimate(self) -> FloatArray:
         pose = self._mcl.estimate().pose
         return np.array([pose.x, pose.y, pose.heading])
+
+    def nees(self, truth: FloatArray) -> float:
+        """Return the squared error of x, y, heading against `truth` in sigmas of the estimate."""
+        error = self.estimate() - truth
+        error[2] = wrap_angle(error[2])
+        return float(error @ np.linalg.solve(self._mcl.estimate().covariance, error))
 
     def on(self, step: Step) -> None:
         for (begin, end), (way, turn) in zip(

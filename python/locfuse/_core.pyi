@@ -131,6 +131,7 @@ __all__: list[str] = [
     "ScanMotion",
     "ScanOdometry",
     "ScanOdometryConfig",
+    "ScanProposal",
     "ScanSearch",
     "ScanSearchReason",
     "ScanSearchStatus",
@@ -4856,6 +4857,16 @@ class ScanLikelihood(enum.Enum):
     BEAMS = ...
     FIELD = ...
 
+class ScanProposal(enum.Enum):
+    """
+    What particles are drawn from before a scan weighs them.
+    """
+
+    LINE_EKF = ...
+    LINE_EKF_PAPER = ...
+    ODOMETRY = ...
+    SCAN_MATCH = ...
+
 class MclConfig:
     """
     Noise and behaviour of an Mcl.
@@ -4870,6 +4881,7 @@ class MclConfig:
     odometry: OdometryConfig
     pose: PoseConfig
     position: PositionConfig
+    proposal: ScanProposal
     range: RangeConfig
     def __init__(self) -> None: ...
     @property
@@ -4942,10 +4954,6 @@ class MclConfig:
     def probability_ready(self) -> float: ...
     @probability_ready.setter
     def probability_ready(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def refine_up_to(self) -> int: ...
-    @refine_up_to.setter
-    def refine_up_to(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
     @property
     def resample_below(self) -> float: ...
     @resample_below.setter

@@ -72,6 +72,12 @@ Outcome compare(const Model& model, const PoseEstimate& here, const Message& z) 
   return outcome;
 }
 
+double returns_of(const LaserScan& scan) {
+  return static_cast<double>(
+      std::count_if(scan.ranges.begin(), scan.ranges.end(),
+                    [&](double range) { return scan.geometry->is_return(range); }));
+}
+
 /// The landmark that fits a pose best, or the one that is named.
 struct BestLandmark {
   const RangeBearingModel& model;
@@ -207,16 +213,31 @@ void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until,
   }
 }
 
-void Mcl::propagate_particles(const LaserScan* scan) {
-  if (!filter_.has_pending_motion()) {
-    return;
+void Mcl::propagate_particles() {
+  if (filter_.has_pending_motion()) {
+    const Pose2 motion = filter_.pending_in_cells().motion;
+    filter_.propagate(keys_);
+    recovery_.propagate(motion, keys_);
+  }
+}
+
+/// Draws particles from where the scan says, too, if one cluster is tracked. Returns the scan
+/// without the beams by which that has weighed them, if there are any.
+std::optional<LaserScan> Mcl::propagate_particles(const LaserScan& scan) {
+  const Proposal proposal = recipe_->config.proposal;
+  if (!filter_.has_pending_motion() || !tracking_.is_tracking || proposal == Proposal::kOdometry) {
+    propagate_particles();
+    return std::nullopt;
   }
   const Pose2 motion = filter_.pending_in_cells().motion;
-  const bool may_match = scan != nullptr && tracking_.is_tracking;
-  if (!(may_match && filter_.propagate_by_match(*scan, sigma_hit(), keys_))) {
+  std::optional<LaserScan> rest;
+  if (proposal != Proposal::kScanMatch) {
+    rest = filter_.propagate_by_lines(scan, sigma_hit(), keys_);
+  } else if (!filter_.propagate_by_match(scan, sigma_hit(), keys_)) {
     filter_.propagate(keys_);
   }
   recovery_.propagate(motion, keys_);
+  return rest;
 }
 
 Outcome Mcl::on(const Velocity& u) {
@@ -265,8 +286,8 @@ Outcome Mcl::take(const LaserScan& z) {
     health_.report_scan(before);
     return {verdict};
   }
-  propagate_particles(&scan);
-  const internal::UsedScan used = weigh_and_resample(scan, points);
+  const std::optional<LaserScan> rest = propagate_particles(scan);
+  const internal::UsedScan used = weigh_and_resample(scan, points, rest);
   report_scan(z, before);
   sharpen_map(points);
   recover(used);
@@ -294,8 +315,9 @@ Verdict Mcl::verdict_on(const EndPoints& points, const ScanEvidence& evidence) c
   return points.x.empty() || !(has_moved() || may_repeat) ? Verdict::kNotModelled : Verdict::kFused;
 }
 
-/// Weighs particles by a scan; eq. (1) of docs/models/mcl.md.
-internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoints& points) {
+/// Weighs particles by a scan, or by what is left of it to do so; eq. (1) of docs/models/mcl.md.
+internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoints& points,
+                                           const std::optional<LaserScan>& rest) {
   const Config& config = recipe_->config;
   filter_.weigh(sharpness_.field(), points);
   const double best = filter_.best_log_likelihood();
@@ -305,7 +327,11 @@ internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoint
       tracking_.is_tracking ? config.independent_beams : config.independent_beams_searching;
   const double share = std::min(1.0, independent / static_cast<double>(points.x.size()));
   if (recipe_->beams) {
-    filter_.weigh(*recipe_->beams, scan);
+    filter_.weigh(*recipe_->beams, rest ? *rest : scan);
+  } else if (rest) {
+    const double part = returns_of(*rest) / returns_of(scan);
+    filter_.weigh(sharpness_.field(), recipe_->fields.front().end_points(
+                                          *rest, static_cast<int>(std::ceil(part * config.beams))));
   }
   resample(share);
   return {points, share, best, was_tracking && !tracking_.is_tracking};

@@ -25,9 +25,6 @@ struct Proposal {
 
 bool ParticleFilter::propagate_by_match(const LaserScan& z, double sigma_hit, RandomKeys& keys) {
   const MclConfig& config = recipe_->config;
-  if (belief_.size > config.refine_up_to || !has_pending_motion()) {
-    return false;
-  }
   const PoseEstimate& before = best().estimate;
   const PoseEstimate prior = predicted(before);
   const ScanMatch match = recipe_->matcher->refine(z, prior.pose, prior.covariance);

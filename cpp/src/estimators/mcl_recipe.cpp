@@ -27,7 +27,6 @@ const MclConfig& checked(const MclConfig& config) {
   in_range("independent_beams_searching", config.independent_beams_searching, 1e-3, 1e6);
   in_range("sigma_map_m", config.sigma_map_m, 0.0, 1e3);
   in_range("sigma_map_rad", config.sigma_map_rad, 0.0, 10.0);
-  in_range("refine_up_to", config.refine_up_to, 0, ParticleBelief::kMost);
   in_range("effective_share", config.effective_share, 0.0, 1.0);
   in_range("outlier_share", config.outlier_share, 0.0, 0.999);
   in_range("resample_below", config.resample_below, 0.0, 1.0);
@@ -87,13 +86,16 @@ std::shared_ptr<const MclRecipe> make_mcl_recipe(const MclConfig& config,
   if (anchors) {
     range.emplace(c.range, std::move(anchors), tags);
   }
-  return std::make_shared<const MclRecipe>(
-      MclRecipe{c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
-                std::move(range), PositionModel(c.position, std::move(tags)), PoseModel(c.pose),
-                RangeBearingModel(c.landmark, landmarks.T_body_sensor), std::move(landmarks.map),
-                static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
-                std::make_shared<Workers>(c.threads),
-                c.refine_up_to > 0 ? std::make_shared<const ScanMatcher>(grid) : nullptr});
+  using Proposal = MclConfig::Proposal;
+  const bool by_lines = c.proposal == Proposal::kLineEkf || c.proposal == Proposal::kLineEkfPaper;
+  return std::make_shared<const MclRecipe>(MclRecipe{
+      c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
+      std::move(range), PositionModel(c.position, std::move(tags)), PoseModel(c.pose),
+      RangeBearingModel(c.landmark, landmarks.T_body_sensor), std::move(landmarks.map),
+      static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
+      std::make_shared<Workers>(c.threads),
+      c.proposal == Proposal::kScanMatch ? std::make_shared<const ScanMatcher>(grid) : nullptr,
+      by_lines ? map_line_features(*grid) : std::vector<LineFeature>{}});
 }
 
 Pose2 MclRecipe::to_world(const Pose2& cells) const {

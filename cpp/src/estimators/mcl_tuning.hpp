@@ -31,6 +31,20 @@ struct ParticleFilterTuning {
   static constexpr double kOutlierLogLikelihood = -8.0;
 };
 
+/// Section "Drawing where the scan says".
+struct LineProposalTuning {
+  /// Confidence of the gate by which a line is taken for a wall.
+  static constexpr double kGateConfidence = 0.99;
+  /// Distance that a line may be seen beyond the end of its wall [m].
+  static constexpr double kBeyondWall = 0.5;
+  /// Standard deviations of all particles within which walls are candidates.
+  static constexpr double kCandidateSigmas = 7.0;
+  /// Angle between a line and its wall, at most [rad].
+  static constexpr double kMaxTurn = 0.5;
+  /// Sum of the variances of a motion above which lines say nothing of where particles are.
+  static constexpr double kMaxVariance = 100.0;
+};
+
 struct TrackingTuning {
   /// Scans that are used without motion after a start.
   static constexpr int kStationaryScans = 10;

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "frontends/beams.hpp"
+#include "frontends/line_fit.hpp"
 
 namespace locfuse::internal {
 namespace {
@@ -92,18 +93,15 @@ class Ends {
   /// Fits the line through `mean` (relative to the end) along the largest spread, if there is one.
   void fit(LinePoint& point, const Vector<2>& mean, const Matrix<2, 2>& scatter,
            double count) const {
-    const double half = 0.5 * (scatter(0, 0) - scatter(1, 1));
-    const double spread = std::hypot(half, scatter(0, 1));
-    const double along = 0.5 * scatter.trace() + spread;
-    const double across = 0.5 * scatter.trace() - spread;
+    const LineFit line = fit_line(scatter);
+    const double across = line.across;
     const double noise =
         ScanLinesTuning::kFlatSigmas * ScanLinesTuning::kFlatSigmas * sigma_ * sigma_;
-    if (across > std::min(std::max(noise, ScanLinesTuning::kFlatShare * along),
-                          ScanLinesTuning::kMaxFlatness * along)) {
+    if (across > std::min(std::max(noise, ScanLinesTuning::kFlatShare * line.along),
+                          ScanLinesTuning::kMaxFlatness * line.along)) {
       return;
     }
-    const double direction = 0.5 * std::atan2(scatter(0, 1), half);
-    const Vector<2> normal(-std::sin(direction), std::cos(direction));
+    const Vector<2> normal = line.normal();
     const Vector<2> beam = point.end - beams_.laser;
     const double into = normal.dot(beam);
     point.foot += normal * normal.dot(mean);

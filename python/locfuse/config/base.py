@@ -17,9 +17,11 @@ class Strict(BaseModel):
     """A configuration that refuses unknown keys, NaN and infinity, and never changes once made.
 
     `fixed` are constants of the C++ struct that are no keys; as such a value one is left out.
+    `renamed` has keys of before: the value that still loads, and what to write for any other.
     """
 
     fixed: ClassVar[Mapping[str, float]] = {}
+    renamed: ClassVar[Mapping[str, tuple[float, str]]] = {}
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
@@ -34,7 +36,10 @@ class Strict(BaseModel):
                 if isinstance(data[key], bool) or data[key] != cls.fixed[key]:
                     raise ValueError(f"{key} is {shown(data[key])}, but is fixed at "
                                      f"{cls.fixed[key]:g}; remove it")  # fmt: skip
-            data = {key: value for key, value in data.items() if key not in fixed}
+            for key in (renamed := [key for key in data if key in cls.renamed]):
+                if data[key] != cls.renamed[key][0]:
+                    raise ValueError(f"{key} is no key any more; write {cls.renamed[key][1]}")
+            data = {key: value for key, value in data.items() if key not in (*fixed, *renamed)}
             for key, value in data.items():
                 if key not in cls.model_fields:
                     advice = nearest(str(key), cls.model_fields)

@@ -611,6 +611,7 @@ class Mcl(Strict):
              "min_explained": 0.75, "scouts": 64, "scout_draws": 20000,
              "most_gain": 2.0, "sigma_lost_xy_per_sqrt_s": 0.5,
              "sigma_lost_heading_per_sqrt_s": 0.5, "bin_m": 0.5, "bin_headings": 24}  # fmt: skip
+    renamed: ClassVar = {"refine_up_to": (0, "proposal: scan_match")}
 
     poses_hz: Rate | None = None
     """Rate at which estimates are given to the pose EKF as poses, which fuses everything else;
@@ -628,8 +629,10 @@ class Mcl(Strict):
     """Number of independent beams that they count as, since neighbours share errors of the map."""
     independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = 2.0
     """Number of independent beams while several hypotheses remain: fewer discard none early."""
-    refine_up_to: Annotated[int, Field(ge=0, le=2**28)] = 0
-    """Use the scan-matching proposal when at most this many particles are active."""
+    proposal: Literal["odometry", "scan_match", "line_ekf", "line_ekf_paper"] = "odometry"
+    """Where particles of a tracked robot [are drawn](models/mcl.md#drawing-where-the-scan-says):
+    where odometry says, or also one match of the scan, or for each particle the lines it sees.
+    """
     spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
     """Minimum distance driven between two scans that are used [m]."""
     spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = 0.05

@@ -374,7 +374,7 @@ TEST(Mcl, the_scan_matching_proposal_leaves_the_belief_unchanged) {
     for (const bool refined : {false, true}) {
       Mcl::Config settings = config(seed);
       settings.min_particles = settings.max_particles = 20'000;
-      settings.refine_up_to = refined ? 20'000 : 0;
+      settings.proposal = refined ? Mcl::Proposal::kScanMatch : Mcl::Proposal::kOdometry;
       Mcl mcl(settings, run.room.map, 0);
       mcl.start_at({near(run.truth[0], 0.1, 0.05)});
       for (std::size_t i = 0; i < run.scans.size(); ++i) {
@@ -659,7 +659,7 @@ TEST(Mcl, odometry_without_noise_moves_particles_once) {
   const Drive run = drive(3, 8);
   Mcl::Config c = config();
   c.odometry = {1e-160, 1e-160, 1e-160, 1e-160, 1e-160, 1e-160, 0.0};
-  c.refine_up_to = 100'000;
+  c.proposal = Mcl::Proposal::kScanMatch;
   Mcl mcl(c, run.room.map, 0);
   mcl.start_at({near(run.truth.front(), 0.03, 0.02)});
   for (std::size_t i = 0; i < run.scans.size(); ++i) {

@@ -9,10 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from locfuse import _core
+from locfuse.types import FloatArray
 from papers.claims import Claim
-from papers.zhang.claims import comparison_claims
-from papers.zhang.experiments import METHODS, NEAR_RAD, Runs, compare, spreads
+from papers.zhang.claims import comparison_claims, line_claims
+from papers.zhang.experiments import (
+    METHODS,
+    NEAR_RAD,
+    Runs,
+    compare,
+    line_ekf,
+    spreads,
+    tracked_by_lines,
+)
 from papers.zhang.figures import Particles, draw_figures, plot_convergence, plot_particles
+from papers.zhang.methods import tracking_settings
 from papers.zhang.world import ITERATIONS, world
 
 SEEDS = 6
@@ -56,6 +67,49 @@ def test_rows_break_where_nothing_is_found() -> None:
     assert rows["zhang_standard_found_19"].met
     for name in ("paper_found_19", "paper_iterations", "ours_found_10", "ours_iterations"):
         assert rows[f"zhang_{name}"].met is False
+
+
+PAPER_M = 0.0034  # error of the paper's method in docs/accuracy.md
+
+
+def tracked(seeds: int) -> tuple[FloatArray, FloatArray]:
+    """Return the errors [m] of `line_ekf` after `ITERATIONS`, and their NEES."""
+    rows = []
+    for seed in range(seeds):
+        of = world(seed)
+        lines = line_ekf(of, seed)
+        for step in of.steps:
+            lines.on(step)
+        truth = of.steps[-1].truth
+        rows.append([np.hypot(*(lines.estimate() - truth)[:2]), lines.nees(truth)])
+    errors, nees = np.array(rows).T
+    return errors, nees
+
+
+def test_lines_in_each_particle_are_as_precise_as_the_papers_and_honest() -> None:
+    errors, nees = tracked(40)
+    precise, honest = list(line_claims(np.full(40, PAPER_M), errors, nees))[1:]
+    assert precise.met
+    assert honest.met
+
+
+def test_lines_that_are_counted_twice_are_neither(monkeypatch: pytest.MonkeyPatch) -> None:
+    def twice(seed: int) -> _core.MclConfig:
+        config = tracking_settings(seed)
+        config.proposal = _core.ScanProposal.LINE_EKF_PAPER
+        return config
+
+    monkeypatch.setattr("papers.zhang.experiments.tracking_settings", twice)
+    errors, nees = tracked(40)
+    precise, honest = list(line_claims(np.full(40, PAPER_M), errors, nees))[1:]
+    assert precise.met is False
+    assert honest.met is False
+
+
+def test_rows_of_lines_are_those_of_their_runs() -> None:
+    paper, errors, nees = tracked_by_lines(2)
+    assert np.all(paper < 0.05)
+    np.testing.assert_array_equal((errors, nees), tracked(2))
 
 
 def test_pictures_are_drawn(tmp_path: Path) -> None:

@@ -321,6 +321,8 @@ def test_particles_have_the_seed_of_the_run_unless_they_have_one_of_their_own() 
         ({"field": {"sigma_hitm": 0.1}}, "did you mean 'sigma_hit_m'"),
         ({"min_particles": 9000}, "expected min_particles <= max_particles"),
         ({"scouts": 3}, "mcl: scouts is 3, but is fixed at 64; remove it"),
+        ({"refine_up_to": 9}, "mcl: refine_up_to is no key any more; write proposal: scan_match"),
+        ({"proposal": "line"}, "mcl.proposal: did you mean 'line_ekf'? (got 'line')"),
         ({"sigma_widest_m": 0.01}, "expected field.sigma_hit_m <= sigma_widest_m"),
         ({"poses_hz": 0}, "poses_hz"),
         ({"switch": {"sigma_sure_m": 0.6}}, "expected sigma_sure_m <= sigma_unsure_m"),

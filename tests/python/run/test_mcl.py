@@ -62,6 +62,17 @@ def test_a_body_with_a_given_start_keeps_to_centimetres(seed: int) -> None:
     assert 0 < result.metrics["mcl"]["particles_median"] <= 3000
 
 
+def test_particles_drawn_from_lines_are_sharper_on_an_exact_map() -> None:
+    exact = {"sigma_map_m": 0.0, "sigma_map_rad": 0.0, "min_particles": 500, "max_particles": 500}
+
+    def rmse(proposal: str) -> float:
+        return float(np.mean([
+            run(config_of(mcl={**MCL, **exact, "proposal": proposal}), seed=seed).metrics[
+                "position_rmse_m"] for seed in range(3)]))  # fmt: skip
+
+    assert rmse("line_ekf") < 0.6 * rmse("odometry")
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_body_that_is_switched_on_anywhere_is_found(seed: int) -> None:
     result = run(SEARCH, seed=seed)

@@ -31,6 +31,7 @@ class Mcl {
  public:
   using Config = MclConfig;
   using Likelihood = MclConfig::Likelihood;
+  using Proposal = MclConfig::Proposal;
 
   /// Starts with particles all over the free cells. `anchors` may be null. Throws
   /// std::invalid_argument on a config out of range.
@@ -107,12 +108,14 @@ class Mcl {
   [[nodiscard]] bool advance_unless_stale(Stamp stamp);
   void drive(const OdometryMotion& model, const Pose2& motion, Stamp until,
              const std::optional<Vector<3>>& variance);
-  void propagate_particles(const LaserScan* scan = nullptr);
+  void propagate_particles();
+  [[nodiscard]] std::optional<LaserScan> propagate_particles(const LaserScan& scan);
   [[nodiscard]] bool has_moved() const;
   [[nodiscard]] ScanEvidence evidence_of_prediction(const LaserScan& z) const;
   Outcome take(const LaserScan& z);
   [[nodiscard]] Verdict verdict_on(const EndPoints& points, const ScanEvidence& evidence) const;
-  internal::UsedScan weigh_and_resample(const LaserScan& scan, const EndPoints& points);
+  internal::UsedScan weigh_and_resample(const LaserScan& scan, const EndPoints& points,
+                                        const std::optional<LaserScan>& rest);
   void update_tracking();
   void report_scan(const LaserScan& z, const ScanEvidence& before);
   void sharpen_map(const EndPoints& points);

@@ -23,6 +23,15 @@ struct MclConfig {
     kBeams,  ///< beam model: expected against measured range
   };
 
+  /// What particles of a robot that is tracked are drawn from before a scan weighs them;
+  /// docs/models/mcl.md, "Drawing where the scan says".
+  enum class Proposal : std::uint8_t {
+    kOdometry,      ///< motion model alone
+    kScanMatch,     ///< motion model and a match of the scan, shared by all particles
+    kLineEkf,       ///< motion model, corrected in each particle by the lines of scan and map
+    kLineEkfPaper,  ///< the same, without what it was drawn from in the weight (zhang)
+  };
+
   /// @name Number of particles (KLD sampling, Fox 2003)
   int min_particles = 500;
   int max_particles = 5000;
@@ -38,8 +47,7 @@ struct MclConfig {
   double effective_share = 0.2;  ///< minimum share of effective particles after a measurement
   double outlier_share = 0.01;   ///< of ranges, positions and poses
   double resample_below = 0.5;   ///< share of effective particles
-  /// Use the scan-matching proposal when at most this many particles are active.
-  int refine_up_to = 0;
+  Proposal proposal = Proposal::kOdometry;
 
   /// @name When a scan is used
   double spacing_m = 0.1;             ///< minimum travel since the last scan used [m]

@@ -63,6 +63,11 @@ class ParticleFilter {
   /// Moves particles by draws from odometry and a scan match together; eq. (4) and (5). Returns
   /// false, and moves nothing, where there is no match to draw from.
   bool propagate_by_match(const LaserScan& z, double sigma_hit, RandomKeys& keys);
+  /// Moves each particle by a draw from odometry and the lines of scan and map together, or from
+  /// odometry alone where it sees none, and weighs it by them; eq. (6) to (9). Returns the scan
+  /// without the beams that have weighed particles, if some have.
+  [[nodiscard]] std::optional<LaserScan> propagate_by_lines(const LaserScan& z, double sigma_hit,
+                                                            RandomKeys& keys);
 
   /// @name Weigh: each leaves log likelihoods for `resample`.
   void weigh(const LikelihoodField& field, const EndPoints& points);

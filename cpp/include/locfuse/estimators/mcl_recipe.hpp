@@ -13,6 +13,7 @@
 #include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
 #include "locfuse/filters/workers.hpp"
+#include "locfuse/frontends/line_features.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/maps/occupancy_grid.hpp"
@@ -47,7 +48,8 @@ struct MclRecipe {
   Stamp hold;                                    ///< odometry timeout [ns]
   std::vector<std::int32_t> free;                ///< free cells, row by row
   std::shared_ptr<Workers> workers;
-  std::shared_ptr<const ScanMatcher> matcher;  ///< null unless config.refine_up_to > 0
+  std::shared_ptr<const ScanMatcher> matcher;  ///< null unless it is the proposal
+  std::vector<LineFeature> walls;  ///< of the map, in world; empty unless lines are the proposal
 
   [[nodiscard]] const OccupancyGrid& grid() const { return fields.front().grid(); }
   /// Poses in cells, row by row from the corner of the map, and in world.

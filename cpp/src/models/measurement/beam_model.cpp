@@ -68,7 +68,7 @@ Beams BeamModel::beams_of(const LaserScan& scan, int max_beams) const {
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t i = (2 * k + 1) * scan.ranges.size() / (2 * count);
     const double range = scan.ranges[i];
-    if (range < geometry.range_min) {
+    if (range <= geometry.range_min) {
       continue;
     }
     beams.angle.push_back(geometry.angle_min + static_cast<double>(i) * geometry.angle_increment);
