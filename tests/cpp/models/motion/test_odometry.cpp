@@ -77,7 +77,7 @@ TEST(OdometryMotion, without_errors_it_is_the_reported_motion) {
   for (const Pose2& pose : testing::poses_to_try()) {
     const Pose2 motion = testing::random_pose(rng, 1.0);
     const Propagation<Pose2, 3> plain = model.propagate(pose, motion, 0.1);
-    const Propagation<Pose2, 3> step = model.propagate(pose, motion, 0.1, {}).step;
+    const Propagation<Pose2, 3> step = model.propagate(pose, motion, 0.1, OdometryErrors{}).step;
     expect_pose_near(step.moved, plain.moved, 1e-15);
     expect_near(step.jacobian, plain.jacobian, 1e-15);
     expect_near(step.noise, plain.noise, 1e-17);
