@@ -14,15 +14,15 @@ bool passes(TagConditioner& conditioner, Message& message) {
   } else if (const auto* const increment = std::get_if<Increment>(&message)) {
     conditioner.on(*increment);
   } else if (auto* const received = std::get_if<PositionFix>(&message)) {
-    const auto [verdict, fix] = conditioner.on(*received);
-    fuzz::require(
-        fix.has_value() == (verdict == TagVerdict::kPassed || verdict == TagVerdict::kRestarted),
-        "a fix is returned exactly if it passes");
-    if (!fix) {
+    const ConditionedFix conditioned = conditioner.on(*received);
+    fuzz::require(conditioned.fix.has_value() == (conditioned.verdict == TagVerdict::kPassed ||
+                                                  conditioned.verdict == TagVerdict::kRestarted),
+                  "a fix is returned exactly if it passes");
+    if (!conditioned.fix) {
       return false;
     }
-    fuzz::require(fix->position.allFinite(), "a fix that passes is finite");
-    *received = *fix;
+    fuzz::require(conditioned.fix->position.allFinite(), "a fix that passes is finite");
+    *received = *conditioned.fix;
   }
   return true;
 }

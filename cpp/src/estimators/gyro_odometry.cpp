@@ -25,14 +25,17 @@ struct Tuning {
   static constexpr double kGate = 10.83;            ///< chi-square of one row at 0.999
   static constexpr double kCalmAfter = 0.5;         ///< that ends a contradiction [s]
   static constexpr double kNeitherAfter = 5.0;      ///< of contradiction: the gyro may be wrong [s]
-  static constexpr double kRelearnAfter = 15.0;     ///< of contradiction: as at the start [s]
-  static constexpr double kFloor = 1e-4;            ///< sigma of the turn that wheels report [rad]
-  static constexpr double kBiasLasts = 60.0;        ///< that the rest of the bias lasts at most [s]
-  static constexpr double kScaleLasts = kPi;        ///< what is left of a scale, as noise [rad]
-  static constexpr double kSlip = 0.25;             ///< sigma of the way of wheels that slip
-  static constexpr double kSlipLasts = 3.0;         ///< for how long [s]
-  static constexpr double kMaxTurn = 1e3;           ///< of a motion that can be compared [rad]
-  static constexpr double kMaxVariance = 1e6;       ///< of its turn [rad^2]
+  static constexpr double kNeitherBefore = 10.0;  ///< of agreement: what is known may be wrong [s]
+  static constexpr double kMinRelearn = 5.0;      ///< of contradiction: as at the start [s]
+  static constexpr double kMaxRelearn = 15.0;     ///< or as long as they agreed, up to that [s]
+  static constexpr double kWider = 5.0;           ///< sigma of the bias then
+  static constexpr double kFloor = 1e-4;          ///< sigma of the turn that wheels report [rad]
+  static constexpr double kBiasLasts = 60.0;      ///< that the rest of the bias lasts at most [s]
+  static constexpr double kScaleLasts = kPi;      ///< what is left of a scale, as noise [rad]
+  static constexpr double kSlip = 0.25;           ///< sigma of the way of wheels that slip
+  static constexpr double kSlipLasts = 3.0;       ///< for how long [s]
+  static constexpr double kMaxTurn = 1e3;         ///< of a motion that can be compared [rad]
+  static constexpr double kMaxVariance = 1e6;     ///< of its turn [rad^2]
   static constexpr std::size_t kFrozenSamples = 10;  ///< of one value: the gyro has stopped
 };
 
@@ -56,17 +59,16 @@ Increment turned_by(double turn, const Increment& wheels, const Vector<3>& varia
 
 GyroOdometry::GyroOdometry(const Config& config)
     : config_(checked(config)), wheels_(config.odometry) {
-  forget();
+  start_learning(config_.sigma_bias_radps);
 }
 
 double GyroOdometry::sigma_bias() const { return std::sqrt(P_(0, 0)); }
 
-/// Bias and scale as at the start.
-void GyroOdometry::forget() {
+/// Nothing is known of bias and scale but their sigmas.
+void GyroOdometry::start_learning(double sigma_bias) {
   x_.setZero();
-  P_ << config_.sigma_bias_radps * config_.sigma_bias_radps, 0.0, 0.0,
-      config_.sigma_turn_scale * config_.sigma_turn_scale;
-  difference_ = variance_ = contradicted_s_ = calm_s_ = age_s_ = rate_ = 0.0;
+  P_ << sigma_bias * sigma_bias, 0.0, 0.0, config_.sigma_turn_scale * config_.sigma_turn_scale;
+  difference_ = variance_ = contradicted_s_ = calm_s_ = agreed_s_ = age_s_ = rate_ = 0.0;
   H_.setZero();
 }
 
@@ -165,15 +167,16 @@ GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double meas
     const double slip = Tuning::kSlip * motion.position().norm() / seconds;
     variance.head<2>().array() += slip * slip * Tuning::kSlipLasts * seconds;
     variance.z() = gyro_white + lasting_bias(seconds);
-    if (contradicted_s_ > Tuning::kNeitherAfter) {
+    if (contradicted_s_ > Tuning::kNeitherAfter || agreed_s_ < Tuning::kNeitherBefore) {
       const double rate = difference_ / Tuning::kWindow;
       variance.z() += rate * rate * Tuning::kNeitherAfter * seconds;
     }
-    if (contradicted_s_ > Tuning::kRelearnAfter) {
-      forget();
+    if (contradicted_s_ > std::clamp(agreed_s_, Tuning::kMinRelearn, Tuning::kMaxRelearn)) {
+      start_learning(Tuning::kWider * config_.sigma_bias_radps);
     }
     return {Verdict::kSlipped, turned_by(by_gyro, wheels, variance)};
   }
+  agreed_s_ += seconds;
   learn(difference, H, white);
   const double gyro_variance = gyro_white + lasting_bias(seconds);
   const double wheels_variance =

@@ -347,7 +347,7 @@ class Imu(Strict):
     """Turn by wheels and gyro: by their variances, or the mean of both, as zhang has it."""
     sigma_turn_per_sqrt_s: Positive = 0.002
     """White noise of the gyro: heading error after a second [rad/√s]."""
-    sigma_bias_radps: Positive = 0.1
+    sigma_bias_radps: Positive = 0.02
     """Sigma of the gyro's bias at the start [rad/s]."""
 
 

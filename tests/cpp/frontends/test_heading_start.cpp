@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "locfuse/frontends/heading_start.hpp"
+#include "support/consistency.hpp"
 #include "support/expect.hpp"
 #include "support/rooms.hpp"
 
@@ -69,8 +70,9 @@ TEST(HeadingStart, errs_as_much_as_it_believes_about_a_tag_beside_the_middle) {
     const LaserScan scan = testing::scan_from(room.walls, body, rng, 0.01);
     const Vector<2> tag(0.3, -0.4);
     const double sigma = 0.15;
-    const Vector<2> at =
-        body.act(tag) + Vector<2>(testing::normal(rng, sigma), testing::normal(rng, sigma));
+    const double east = testing::normal(rng, sigma);  // one by one: the same on every compiler
+    const double north = testing::normal(rng, sigma);
+    const Vector<2> at = body.act(tag) + Vector<2>(east, north);
     const HeadingStart start = start_by_headings(matcher, scan, {at, sigma, tag});
     if (start.headings.size() != 1) {
       continue;
@@ -83,8 +85,7 @@ TEST(HeadingStart, errs_as_much_as_it_believes_about_a_tag_beside_the_middle) {
   }
   EXPECT_GE(found, 75);
   EXPECT_EQ(wrong, 0);
-  EXPECT_GT(nees / found, 0.6);
-  EXPECT_LT(nees / found, 1.3);
+  EXPECT_TRUE(testing::in_band(nees / found, 1, found, 0.999)) << nees / found;
 }
 
 TEST(HeadingStart, finds_four_headings_in_the_middle_of_a_square_and_all_in_a_round_room) {

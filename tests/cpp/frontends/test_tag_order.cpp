@@ -12,10 +12,11 @@ namespace {
 using testing::expect_refused;
 using testing::Rng;
 
-const std::vector<Tag> kTags = {
+const std::vector<Tag> kTagsInOrder = {
     {1, {0.6, 0.0, 1.0}}, {2, {-0.3, 0.4, 1.0}}, {3, {-0.3, -0.2, 1.0}}};
 
-std::vector<PositionFix> epoch(Rng& rng, double sigma, const std::vector<Tag>& tags = kTags) {
+std::vector<PositionFix> epoch(Rng& rng, double sigma,
+                               const std::vector<Tag>& tags = kTagsInOrder) {
   const Pose2 pose = testing::random_pose(rng);
   std::vector<PositionFix> fixes;
   for (const Tag& tag : tags) {
@@ -31,7 +32,8 @@ TEST(TagOrder, passes_the_right_order_with_the_given_probability) {
   int fits = 0;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     Rng rng(seed);
-    fits += tag_order(kTags, epoch(rng, 0.03), 0.95).verdict == TagOrderVerdict::kFits ? 1 : 0;
+    fits +=
+        tag_order(kTagsInOrder, epoch(rng, 0.03), 0.95).verdict == TagOrderVerdict::kFits ? 1 : 0;
   }
   EXPECT_NEAR(fits, 0.95 * kRuns, 3.0 * std::sqrt(0.95 * 0.05 * kRuns) + 0.005 * kRuns);
 }
@@ -42,7 +44,7 @@ TEST(TagOrder, finds_every_swap_and_the_ids_that_fit) {
     std::vector<PositionFix> fixes = epoch(rng, 0.01);
     const auto i = static_cast<std::size_t>(run % 3);
     std::swap(fixes[i].tag, fixes[(i + 1) % 3].tag);
-    const TagOrder order = tag_order(kTags, fixes, 0.9999);
+    const TagOrder order = tag_order(kTagsInOrder, fixes, 0.9999);
     ASSERT_EQ(order.verdict, TagOrderVerdict::kSwapped) << to_string(order);
     EXPECT_EQ(order.ids, (std::array<Id, 3>{1, 2, 3}));
     EXPECT_NE(to_string(order).find("as tags 1, 2, 3"), std::string::npos);
@@ -68,7 +70,7 @@ TEST(TagOrder, a_wrong_fix_fits_in_no_order) {
   Rng rng(5);
   std::vector<PositionFix> fixes = epoch(rng, 0.01);
   fixes[1].position.x() += 3.0;
-  const TagOrder order = tag_order(kTags, fixes);
+  const TagOrder order = tag_order(kTagsInOrder, fixes);
   EXPECT_EQ(order.verdict, TagOrderVerdict::kNoFit);
   EXPECT_NE(to_string(order).find("nor in any other order"), std::string::npos);
 }
@@ -77,22 +79,26 @@ TEST(TagOrder, is_ambiguous_where_noise_is_as_large_as_the_triangle) {
   Rng rng(6);
   std::vector<PositionFix> fixes = epoch(rng, 0.5);
   std::swap(fixes[0].tag, fixes[1].tag);
-  EXPECT_EQ(tag_order(kTags, fixes).verdict, TagOrderVerdict::kFits);
+  EXPECT_EQ(tag_order(kTagsInOrder, fixes).verdict, TagOrderVerdict::kFits);
 }
 
 TEST(TagOrder, rejects_epochs_that_are_not_of_three_tags) {
   Rng rng(1);
   const std::vector<PositionFix> good = epoch(rng, 0.01);
-  expect_refused([&] { (void)tag_order({kTags[0], kTags[1]}, good); }, "2 tags and 3 fixes");
-  expect_refused([&] { (void)tag_order(kTags, {good[0]}); }, "3 tags and 1 fixes");
+  expect_refused(
+      [&] {
+        (void)tag_order({kTagsInOrder[0], kTagsInOrder[1]}, good);
+      },
+      "2 tags and 3 fixes");
+  expect_refused([&] { (void)tag_order(kTagsInOrder, {good[0]}); }, "3 tags and 1 fixes");
   std::vector<PositionFix> bad = good;
   bad[1].tag = 1;
-  expect_refused([&] { (void)tag_order(kTags, bad); }, "two fixes of tag 1");
+  expect_refused([&] { (void)tag_order(kTagsInOrder, bad); }, "two fixes of tag 1");
   bad[1].tag = 8;
-  expect_refused([&] { (void)tag_order(kTags, bad); }, "tag 8", "1, 2, 3");
+  expect_refused([&] { (void)tag_order(kTagsInOrder, bad); }, "tag 8", "1, 2, 3");
   bad = good;
   bad[2].stamp = 1;
-  expect_refused([&] { (void)tag_order(kTags, bad); }, "one stamp");
+  expect_refused([&] { (void)tag_order(kTagsInOrder, bad); }, "one stamp");
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ class GyroOdometry {
     Turn turn = Turn::kWeighted;
     /// White noise of the gyro: heading error after a second [rad / sqrt(s)].
     double sigma_turn_per_sqrt_s = 0.002;
-    double sigma_bias_radps = 0.1;              ///< of the gyro's bias at the start [rad/s]
+    double sigma_bias_radps = 0.02;             ///< of the gyro's bias at the start [rad/s]
     double sigma_bias_radps_per_sqrt_s = 1e-4;  ///< random walk of the bias [rad/s / sqrt(s)]
     double sigma_scale = 0.01;                  ///< of the gyro's scale
     double sigma_turn_scale = 0.05;             ///< of the scale of the wheels' turn
@@ -79,7 +79,7 @@ class GyroOdometry {
   [[nodiscard]] bool contradicts(double difference, const Vector<2>& H, double variance,
                                  double seconds);
   void learn(double difference, const Vector<2>& H, double variance);
-  void forget();
+  void start_learning(double sigma_bias);
 
   Config config_;
   OdometryMotion wheels_;
@@ -95,6 +95,7 @@ class GyroOdometry {
   double difference_ = 0.0;          // of the turns
   double variance_ = 0.0;            // white part of it
   Vector<2> H_ = Vector<2>::Zero();  // its derivative with respect to x
+  double agreed_s_ = 0.0;            // how long they have agreed since learning began
   double contradicted_s_ = 0.0;      // how long they have contradicted each other
   double calm_s_ = 0.0;              // how long they have agreed since
 };

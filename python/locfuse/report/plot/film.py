@@ -19,6 +19,7 @@ from locfuse.eval.errors import interpolate
 from locfuse.io.whole import whole_file
 from locfuse.report.plot import style
 from locfuse.report.plot.world import box_around, draw_map, drawable, world_figure
+from locfuse.run.gyro import with_gyro
 from locfuse.run.mcl import frame_of, mcl_of, messages_for
 from locfuse.run.start import scans_of
 from locfuse.types import (
@@ -73,8 +74,9 @@ def check_film(config: RunConfig, path: Path) -> None:
 
 def record(config: RunConfig, result: RunResult) -> list[Frame]:
     """Return a frame per scan, from the start until a while after the pose was found."""
-    messages = messages_for(config, result.log)
-    mcl = mcl_of(config, result.log, messages)
+    log = with_gyro(result.log, config)
+    messages = messages_for(config, log)
+    mcl = mcl_of(config, log, messages)
     ready_s = result.metrics["mcl"]["ready_s"]
     shown_s = _NEVER_S if ready_s is None else ready_s + _AFTER_S
     end = mcl.estimate().stamp + round(shown_s * NANOSECONDS)
