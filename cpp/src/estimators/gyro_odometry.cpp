@@ -122,21 +122,20 @@ std::optional<GyroOdometry::Motion> GyroOdometry::on(const Increment& u) {
 
 /// The motion with its turn by both; as it came where no sample is near.
 GyroOdometry::Motion GyroOdometry::turned(Stamp begin, Stamp stamp, const Pose2& motion) {
-  const bool has_stopped = is_frozen();
+  const Increment wheels{begin, stamp, motion};
   const std::optional<double> measured = turn_between(begin, stamp);
+  Motion found = measured ? combined(wheels, *measured) : Motion{Verdict::kNoGyro, wheels};
   const auto next =
       std::upper_bound(samples_.begin(), samples_.end(), stamp,
                        [](Stamp s, const Sample& sample) { return s < sample.stamp; });
   if (next - samples_.begin() > 1) {  // the one before the end stays
     samples_.erase(samples_.begin(), next - 1);
   }
-  const Increment wheels{begin, stamp, motion};
-  return measured ? combined(wheels, *measured, has_stopped) : Motion{Verdict::kNoGyro, wheels};
+  return found;
 }
 
 /// The turn by both, eq. (2) to (7).
-GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double measured,
-                                            bool has_stopped) {
+GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double measured) {
   const Pose2& motion = wheels.motion;
   const double seconds = seconds_between(wheels.begin, wheels.stamp);
   P_(0, 0) += config_.sigma_bias_radps_per_sqrt_s * config_.sigma_bias_radps_per_sqrt_s * seconds;
@@ -161,7 +160,7 @@ GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double meas
     return {Verdict::kNoGyro, wheels};
   }
   if (contradicts(difference, H, white, seconds)) {
-    if (has_stopped) {
+    if (is_frozen()) {
       return {Verdict::kNoGyro, wheels};
     }
     const double slip = Tuning::kSlip * motion.position().norm() / seconds;
@@ -204,7 +203,6 @@ std::optional<double> GyroOdometry::turn_between(Stamp begin, Stamp end) const {
   }
   double turn = 0.0;
   Stamp at = begin;
-  double rate = samples_.front().rate;
   for (std::size_t k = 0; k < samples_.size() && at < end; ++k) {
     const Sample& sample = samples_[k];
     if (k > 0 && sample.stamp > at) {
@@ -214,12 +212,11 @@ std::optional<double> GyroOdometry::turn_between(Stamp begin, Stamp end) const {
       }
       const double slope =
           (sample.rate - before.rate) / seconds_between(before.stamp, sample.stamp);
-      rate = before.rate + slope * seconds_between(before.stamp, at);
+      const double rate = before.rate + slope * seconds_between(before.stamp, at);
       const Stamp until = std::min(sample.stamp, end);
       const double rate_then = before.rate + slope * seconds_between(before.stamp, until);
       turn += 0.5 * (rate + rate_then) * seconds_between(at, until);
       at = until;
-      rate = rate_then;
     } else if (k == 0 && sample.stamp > at) {
       const Stamp until = std::min(sample.stamp, end);
       turn += sample.rate * seconds_between(at, until);

@@ -33,7 +33,7 @@ int steps_between(int a, int b) {
   return std::min(apart, kSteps - apart);
 }
 
-/// Sums per beam. At a minimum the value between the steps: both neighbours rise alike from it.
+/// Sums per beam. At a minimum the value between the steps: both neighbours rise equally from it.
 std::array<double, kSteps> mean_distances(const HeadingSearch& search) {
   std::array<double, kSteps> means{};
   for (int k = 0; k < kSteps; ++k) {

@@ -10,10 +10,9 @@ import numpy as np
 
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
-from locfuse.io.log_folder import FORCES, RATES
+from locfuse.io.log_folder import FORCES, GRAVITY_MPS2, RATES
 from locfuse.types import NANOSECONDS, Columns, FloatArray
 
-GRAVITY = 9.81
 TOLERANCE = 1.5  # of its length [m/s^2]
 MAX_GAP_S = 0.1  # of samples; beyond it turns are the wheels' alone
 MAX_BIAS = 0.2  # [rad/s]
@@ -31,7 +30,7 @@ def imu_gravity(context: Context) -> Iterator[Finding]:
         what = f"accelerations are {length:.2g} m/s^2 at the median: without gravity"
         yield note(what, "imu.csv", "record them as they are measured, or point the sensor's z "
                    "axis upwards: the vertical is not known")  # fmt: skip
-    elif abs(length - GRAVITY) > TOLERANCE:
+    elif abs(length - GRAVITY_MPS2) > TOLERANCE:
         unit = " (that is 1 g)" if abs(length - 1.0) < 0.2 else ""
         yield error(f"accelerations are {length:.3g} m/s^2 at the median{unit}, gravity is 9.81",
                     "imu.csv", "convert them to m/s^2")  # fmt: skip
@@ -93,7 +92,7 @@ def _levelled(imu: Columns) -> FloatArray:
     rates = _columns(imu, RATES)
     up = np.median(_columns(imu, FORCES), axis=0) if FORCES[0] in imu else np.zeros(3)
     length = float(np.linalg.norm(up))
-    if abs(length - GRAVITY) > TOLERANCE:
+    if abs(length - GRAVITY_MPS2) > TOLERANCE:
         return rates
     up = up / length
     axis = np.cross([0.0, 0.0, 1.0], up)

@@ -25,11 +25,9 @@ from locfuse.run.position import (
 )
 from locfuse.types import NANOSECONDS
 
-app = typer.Typer(add_completion=False)
 _ROWS = 50  # epochs that the table shows
 
 
-@app.command()
 def position(
     anchors: Annotated[Path, typer.Option(help="CSV file as in a log folder.")],
     ranges: Annotated[Path, typer.Option(help="CSV file as in a log folder.")],

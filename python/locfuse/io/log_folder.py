@@ -31,6 +31,7 @@ from locfuse.types import (
 GEOMETRY = ("beams", "angle_min_rad", "angle_increment_rad")  # of each scan, where they differ
 RATES = ("wx_radps", "wy_radps", "wz_radps")  # of an IMU, in its axes
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
+GRAVITY_MPS2 = 9.81  # which they include
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
 # for i0, i1, ...
 SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from locfuse import _core
+from locfuse.config.build import build_estimator_config
 from locfuse.config.schema import RunConfig
 from locfuse.eval.dead_reckoning import dead_reckon
 from locfuse.eval.errors import interpolate
@@ -145,9 +146,7 @@ def with_scan_odometry(log: Log, config: RunConfig) -> Log:
 def scan_drive(config: RunConfig) -> ScanDrive:
     """Return what makes odometry of scans for a run."""
     assert config.scan_odometry is not None
-    noise = _core.OdometryConfig()
-    for name, value in config.estimator.odometry.model_dump().items():
-        setattr(noise, name, value)
+    noise = build_estimator_config(config.estimator).odometry
     local = _core.LocalMapConfig(sigma_range_m=config.scan_odometry.sigma_range_m)
     return ScanDrive(noise, _core.ScanOdometryConfig(map=local))
 

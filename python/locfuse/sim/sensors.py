@@ -19,11 +19,9 @@ from locfuse.config.scenario import (
     RangeSensor,
     SightingSensor,
 )
-from locfuse.io.log_folder import FORCES, RATES
+from locfuse.io.log_folder import FORCES, GRAVITY_MPS2, RATES
 from locfuse.sim.trajectory import Drive, sinc
 from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray, wrap_angle
-
-GRAVITY_MPS2 = 9.81
 
 
 def stamps(rate_hz: float, duration_s: float) -> StampArray:

@@ -81,7 +81,7 @@ TEST(Locate, returns_minimum_and_covariance_of_the_solver_that_is_named) {
     EXPECT_LT(both.ml_comparison->sigmas, 1e-3);
     differing += apart.isZero(0.0) ? 0 : 1;
   }
-  EXPECT_GT(differing, 40);  // else nothing was told apart
+  EXPECT_GT(differing, 40);  // else two solvers were not compared
 }
 
 TEST(Locate, a_ceres_that_is_stopped_early_says_so_and_ours_does_not_finish_it) {

@@ -232,7 +232,7 @@ def test_ml_names_whose_minimum_is_returned(ml: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(one.position, mine.position, rtol=0.0, atol=1e-13)
     np.testing.assert_allclose(one.covariance, mine.covariance, rtol=1e-12)
     apart = float(np.linalg.norm(mine.position - other.position))
-    assert 1e-11 < apart < 1e-4  # else the two could not be told apart
+    assert 1e-11 < apart < 1e-4  # else nobody could see the two differ
     if ml == "both":
         assert one.ml_distance == pytest.approx(apart, rel=1e-3)
         at = mine.position[0] - other.position[0]

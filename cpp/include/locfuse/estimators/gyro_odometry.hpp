@@ -72,7 +72,7 @@ class GyroOdometry {
   };
 
   [[nodiscard]] Motion turned(Stamp begin, Stamp stamp, const Pose2& motion);
-  [[nodiscard]] Motion combined(const Increment& wheels, double measured, bool has_stopped);
+  [[nodiscard]] Motion combined(const Increment& wheels, double measured);
   [[nodiscard]] std::optional<double> turn_between(Stamp begin, Stamp end) const;
   [[nodiscard]] bool is_frozen() const;
   [[nodiscard]] double lasting_bias(double seconds) const;
