@@ -103,6 +103,8 @@ struct type_caster<locfuse::Initializer> : Awaited<locfuse::Initializer> {};
 template <>
 struct type_caster<locfuse::Live> : Awaited<locfuse::Live> {};
 template <>
+struct type_caster<locfuse::LiveMcl> : Awaited<locfuse::LiveMcl> {};
+template <>
 struct type_caster<locfuse::Mcl> : Awaited<locfuse::Mcl> {};
 template <>
 struct type_caster<locfuse::RecoveringEkf> : Awaited<locfuse::RecoveringEkf> {};

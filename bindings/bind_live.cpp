@@ -1,12 +1,161 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/replay/live.hpp"
+#include "locfuse/replay/live_mcl.hpp"
+#include "particles.hpp"
 
 namespace py = pybind11;
 using locfuse::Live;
+using locfuse::LiveMcl;
+
+namespace {
+
+/// Estimates after the scans whose turn it has been, other than stale ones.
+class Estimates {
+ public:
+  explicit Estimates(const LiveMcl& mcl) : mcl_(mcl) {
+    observer_.scanned = [this](const locfuse::LaserScan& /*scan*/,
+                               const locfuse::Outcome& outcome) {
+      if (outcome.verdict != locfuse::Verdict::kStale) {
+        all_.push_back(mcl_.estimate());
+      }
+    };
+  }
+  Estimates(const Estimates&) = delete;
+  Estimates& operator=(const Estimates&) = delete;
+  ~Estimates() = default;
+  [[nodiscard]] const LiveMcl::Observer& observer() const { return observer_; }
+  [[nodiscard]] std::vector<locfuse::PoseEstimate> all() const { return all_; }
+
+ private:
+  const LiveMcl& mcl_;
+  std::vector<locfuse::PoseEstimate> all_;
+  LiveMcl::Observer observer_;
+};
+
+template <class Estimator>
+void bind_construction(py::class_<LiveMcl>& bound) {
+  bound.def(py::init([](const Estimator& mcl, locfuse::Stamp history, locfuse::ClockJump clock_jump,
+                        std::size_t max_messages) {
+              LiveMcl::Options options;
+              options.history = history;
+              options.timeline.clock_jump = clock_jump;
+              options.timeline.max_messages = max_messages;
+              return LiveMcl(mcl, options);
+            }),
+            py::arg("mcl"), py::arg("history") = LiveMcl::Options{}.history,
+            py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
+            py::arg("max_messages") = locfuse::TimelineOptions{}.max_messages);
+}
+
+void bind_live_mcl(py::module_& m) {
+  py::class_<LiveMcl> bound(m, "LiveMcl", R"(Mcl fed with live messages and scans as they arrive.
+
+They wait until odometry has come that far, at most 0.25 s or as late as scans have been; what is
+later still is fused at its stamp, to the same bits as if it had been in time.
+
+Parameters
+----------
+mcl : Mcl or SwitchingMcl
+    Copied.
+history : int
+    Maximum delay of a message [ns]; older ones are STALE.
+clock_jump : ClockJump
+    Reaction to a backward jump of the message clock.
+max_messages : int
+    Maximum number of messages kept for reordering, at least 512.
+
+Raises
+------
+ValueError
+    If an option is out of range.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse.core import *
+>>> cells = np.zeros((40, 40), dtype=np.int8)
+>>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
+>>> live = LiveMcl(Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05)))
+>>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
+>>> live.on(Velocity(0, 0.0, 0.0)), live.on(LaserScan(5 * 10**7, around, [0.9, 0.9, 0.9, 0.9]))
+([], [])
+>>> len(live.on(Velocity(10**8, 0.0, 0.0)))  # the scan had waited for that
+1
+)");
+  bind_construction<locfuse::Mcl>(bound);
+  bind_construction<locfuse::SwitchingMcl>(bound);
+  bind_state(bound, [](const LiveMcl& live) -> const locfuse::Mcl& { return live.mcl(); });
+  bound
+      .def(
+          "on",
+          [](LiveMcl& live, const locfuse::Message& message) {
+            const Alone alone(&live);
+            const Estimates estimates(live);
+            live.on(message, estimates.observer());
+            return estimates.all();
+          },
+          py::arg("message"),
+          R"(Takes a message or a scan; returns a PoseEstimate for each scan whose turn it is now.
+
+Raises
+------
+ValueError
+    If the message is not valid; it is discarded.
+)")
+      .def(
+          "finish",
+          [](LiveMcl& live) {
+            const Alone alone(&live);
+            const Estimates estimates(live);
+            live.finish(estimates.observer());
+            return estimates.all();
+          },
+          "Uses all messages that wait, and returns as `on` does.")
+      .def(
+          "go_on_from",
+          [](LiveMcl& live, const LiveMcl& before) {
+            const LiveMcl from = before;  // a copy, as other threads may use it
+            const Alone alone(&live);
+            const Estimates estimates(live);
+            live.go_on_from(from, estimates.observer());
+            return estimates.all();
+          },
+          py::arg("before"),
+          "Takes the messages that wait in another, whose pose this one has; returns as `on` does.")
+      .def_property_readonly(
+          "injections",
+          [](const LiveMcl& live) {
+            const locfuse::SwitchingMcl* both = live.switching();
+            return both != nullptr ? both->injections()
+                                   : std::vector<locfuse::SwitchingMcl::Injection>{};
+          },
+          "List of Injection, one per takeover by UWB.")
+      .def_property_readonly("jumps", &LiveMcl::jumps,
+                             "Number of backward clock jumps handled by RESET or CONTINUE.")
+      .def_property_readonly(
+          "dropped_messages", &LiveMcl::dropped_messages,
+          "Messages inside the history that were dropped because there were too many.")
+      .def("__repr__", [](const LiveMcl& live) {
+        return "LiveMcl(" + std::to_string(live.mcl().belief().size) + " particles, " +
+               std::to_string(live.waiting()) + " messages waiting)";
+      });
+}
+
+}  // namespace
 
 void bind_live(py::module_& m) {
+  using locfuse::ClockJump;
+  py::native_enum<ClockJump>(m, "ClockJump", "enum.Enum",
+                             "Reaction to a backward jump of the message clock.")
+      .value("REFUSE", ClockJump::kRefuse, "Messages are STALE until the clock has caught up.")
+      .value("RESET", ClockJump::kReset, "Restart with the initial estimator.")
+      .value("CONTINUE", ClockJump::kContinue, "Continue from the same pose at the new time.")
+      .finalize();
+  bind_live_mcl(m);
   py::class_<Live>(m, "Live",
                    R"(RecoveringEkf fed with live messages in order of arrival.
 
@@ -57,12 +206,11 @@ Examples
            py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
            py::arg("max_messages") = locfuse::TimelineOptions{}.max_messages,
            py::arg("patience") = Live::Options{}.patience)
-      .def("on", unlocked_on<Live, locfuse::LaserScan>(), py::arg("scan"),
-           "Processes a scan, which is used only while searching.")
       .def("on", unlocked_on<Live, locfuse::Message>(), py::arg("message"),
            R"(Processes a message and returns its Outcome.
 
-IGNORED while searching or from a disabled source, STALE if too late.
+IGNORED while searching, from a disabled source and of a scan, which only the search uses; STALE if
+too late.
 
 Raises
 ------

@@ -5,30 +5,12 @@
 #include "bindings.hpp"
 #include "locfuse/estimators/mcl.hpp"
 #include "numpy.hpp"
+#include "particles.hpp"
 
 namespace py = pybind11;
 using locfuse::BeamModel;
 using locfuse::LikelihoodField;
 using locfuse::Mcl;
-
-namespace {
-
-py::array_t<double> particles_of(const Mcl& mcl) {
-  const locfuse::ParticleBelief& belief = mcl.belief();
-  const locfuse::OccupancyGrid& grid = mcl.grid();
-  std::vector<double> rows;
-  rows.reserve(4 * static_cast<std::size_t>(belief.size));
-  for (std::size_t k = 0; k < static_cast<std::size_t>(belief.size); ++k) {
-    const locfuse::Vector<2> p = grid.to_world({belief.x[k], belief.y[k]});
-    const double heading =
-        std::atan2(static_cast<double>(belief.s[k]), static_cast<double>(belief.c[k]));
-    rows.insert(rows.end(), {p.x(), p.y(), locfuse::wrap_angle(heading + grid.origin().heading),
-                             static_cast<double>(belief.weight[k])});
-  }
-  return to_numpy(std::move(rows), {belief.size, 4});
-}
-
-}  // namespace
 
 void bind_mcl(py::module_& m) {
   using FieldConfig = LikelihoodField::Config;
@@ -113,7 +95,7 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("pose", &Config::pose)
       .def_readwrite("limits", &Config::limits)
       .def_readwrite("landmark", &Config::landmark);
-  py::class_<Mcl>(m, "Mcl", R"(Monte Carlo localization on a grid map.
+  py::class_<Mcl> bound(m, "Mcl", R"(Monte Carlo localization on a grid map.
 
 Scans weight particles by the likelihood field or the beam model; ranges, positions, poses and
 landmarks can weight them, too (docs/models/mcl.md). Initially they cover all free cells.
@@ -146,7 +128,9 @@ Examples
 'FUSED'
 >>> mcl.ready
 False
-)")
+)");
+  bind_state(bound, [](const Mcl& mcl) -> const Mcl& { return mcl; });
+  bound
       .def(py::init([](const Config& config, std::shared_ptr<locfuse::OccupancyGrid> grid,
                        locfuse::Stamp start,
                        const std::optional<std::shared_ptr<locfuse::AnchorMap>>& anchors,
@@ -191,16 +175,8 @@ False
       .def("on", unlocked_on<Mcl, locfuse::RangeBearing>(), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message.")
-      .def("estimate", &Mcl::estimate,
-           "PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.")
       .def("overall_estimate", &Mcl::overall_estimate,
            "PoseEstimate with the covariance of all particles about their mean, over all clusters.")
-      .def_property_readonly(
-          "hypotheses", [](const Mcl& mcl) { return mcl.hypotheses(); },
-          "Clusters of particles as a list of PoseHypothesis, likeliest first.")
-      .def("health", &Mcl::health, "HealthReport of the estimate; docs/health.md.")
-      .def_property_readonly("sources", &Mcl::sources, "One SourceStatus per source.")
-      .def_property_readonly("ready", &Mcl::ready, "Whether one cluster is almost certain.")
       .def_property_readonly("explained", &Mcl::explained,
                              "Fraction of the last scan's returns that end at a wall.")
       .def_property_readonly(
@@ -208,8 +184,6 @@ False
           "Distance of end points from walls, estimated from scans (standard deviation) [m].")
       .def_property_readonly("used_share", &Mcl::used_share,
                              "Fraction of the last measurement's information that was used.")
-      .def_property_readonly("particles", &particles_of,
-                             "float64 (n, 4): x, y [m], heading [rad] in world, weight.")
       .def(
           "__copy__", [](const Mcl& mcl) { return mcl; }, "Independent copy.")
       .def(

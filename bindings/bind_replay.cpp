@@ -173,13 +173,6 @@ RunLog run(const Estimator& start, SharedLog& log, Stamp history, bool record,
 }  // namespace
 
 void bind_replay(py::module_& m) {
-  using locfuse::ClockJump;
-  py::native_enum<ClockJump>(m, "ClockJump", "enum.Enum",
-                             "Reaction to a backward jump of the message clock.")
-      .value("REFUSE", ClockJump::kRefuse, "Messages are STALE until the clock has caught up.")
-      .value("RESET", ClockJump::kReset, "Restart with the initial estimator.")
-      .value("CONTINUE", ClockJump::kContinue, "Continue from the same pose at the new time.")
-      .finalize();
   py::class_<RunLog> run_log(m, "RunLog", "Result of a replay, as columns.");
   bind_health_columns(
       run_log, [](const RunLog& r) -> const auto& { return r.health; },
@@ -349,33 +342,33 @@ void bind_replay(py::module_& m) {
       });
   m.def(
       "localize",
-      [](locfuse::Mcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
-         const Progress<LocalizeRun>& progress) {
+      [](locfuse::LiveMcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
+         const std::vector<Stamp>& scan_arrivals, const Progress<LocalizeRun>& progress) {
         const Use use(log, Use::Kind::kRead);
         const Alone alone(&mcl);
-        return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
+        return locfuse::localize(mcl, log.log, scans, scan_arrivals,
+                                 progress_of<LocalizeRun>(progress));
       },
-      py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none());
-  m.def(
-      "localize",
-      [](locfuse::SwitchingMcl& mcl, SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
-         const Progress<LocalizeRun>& progress) {
-        const Use use(log, Use::Kind::kRead);
-        const Alone alone(&mcl);
-        return locfuse::localize(mcl, log.log, scans, progress_of<LocalizeRun>(progress));
-      },
-      py::arg("mcl"), py::arg("log"), py::arg("scans"), py::arg("progress") = py::none(),
-      R"(Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
+      py::arg("mcl"), py::arg("log"), py::arg("scans"),
+      py::arg("scan_arrivals") = std::vector<Stamp>{}, py::arg("progress") = py::none(),
+      R"(Feeds a log and scans to an Mcl in order of arrival, as they would come live.
 
 Parameters
 ----------
-mcl : Mcl or SwitchingMcl
+mcl : LiveMcl
 log : MessageLog
 scans : list of LaserScan
+scan_arrivals : list of int
+    When each scan arrives [ns]; if empty at its stamp.
 progress : callable, optional
     Called after each scan with the number of messages and scans processed and a function that
     returns a copy of the run during the call; it may read `mcl`. Items not processed yet have the
     verdict IGNORED.
+
+Raises
+------
+ValueError
+    If there are other than 0 or as many arrivals as scans.
 )");
   m.def("replay", &run<PoseEkf>, py::arg("start"), py::arg("log"),
         py::arg("history") = locfuse::ReplayOptions{}.history, py::arg("record") = true,

@@ -5,6 +5,7 @@
 #include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/switching_mcl.hpp"
+#include "particles.hpp"
 
 namespace py = pybind11;
 using locfuse::SwitchingMcl;
@@ -51,8 +52,8 @@ void bind_switching_mcl(py::module_& m) {
       .def_readonly("after", &Injection::after, "PoseEstimate after, from UWB.")
       .def("__repr__",
            [](const Injection& i) { return "Injection(stamp=" + std::to_string(i.stamp) + ")"; });
-  py::class_<SwitchingMcl>(m, "SwitchingMcl",
-                           R"(Mcl that UWB relocalizes (celan2017, sections III.C and V.B).
+  py::class_<SwitchingMcl> bound(m, "SwitchingMcl",
+                                 R"(Mcl that UWB relocalizes (celan2017, sections III.C and V.B).
 
 Scans alone determine the pose while they are trusted; otherwise the pose from UWB and odometry
 becomes the particles' belief (docs/models/switching_mcl.md). Ranges and fixes go to a
@@ -88,7 +89,9 @@ Examples
 ...     _ = switching.on(LaserScan(second * 10**9, around, [2.95, 1.95, 0.95, 0.95]))
 >>> [(i.reason.name, i.stamp // 10**9) for i in switching.injections]
 [('UNCERTAIN', 2)]
-)")
+)");
+  bind_state(bound, [](const SwitchingMcl& s) -> const locfuse::Mcl& { return s.mcl(); });
+  bound
       .def(py::init<const Config&, locfuse::Mcl, locfuse::RecoveringEkf>(), py::arg("config"),
            py::arg("mcl"), py::arg("uwb"))
       .def("on", py::overload_cast<const locfuse::Velocity&>(&SwitchingMcl::on), py::arg("message"))
@@ -102,13 +105,6 @@ Examples
       .def("on", unlocked_on<SwitchingMcl, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message. Ranges and fixes go to the UWB filter, all others weight "
            "particles.")
-      .def("estimate", &SwitchingMcl::estimate,
-           "PoseEstimate of the particles, propagated to the end of the latest odometry.")
-      .def("health", &SwitchingMcl::health,
-           "HealthReport of that estimate from the measurements that weighted particles.")
-      .def_property_readonly(
-          "sources", [](const SwitchingMcl& s) { return s.mcl().sources(); },
-          "One SourceStatus per source that weights particles.")
       .def_property_readonly(
           "mcl", [](const SwitchingMcl& s) { return s.mcl(); }, "Copy of the Mcl.")
       .def_property_readonly(
@@ -118,12 +114,6 @@ Examples
           "Mean NIS per row of the last ranges or fixes: 1 if the UWB filter is consistent.")
       .def_property_readonly("injections", &SwitchingMcl::injections,
                              "List of Injection, one per takeover by UWB.")
-      .def_property_readonly(
-          "hypotheses", [](const SwitchingMcl& s) { return s.mcl().hypotheses(); },
-          "Clusters of particles as a list of PoseHypothesis, likeliest first.")
-      .def_property_readonly(
-          "ready", [](const SwitchingMcl& s) { return s.mcl().ready(); },
-          "Whether one cluster of particles is almost certain.")
       .def(
           "__copy__", [](const SwitchingMcl& s) { return s; }, "Independent copy.")
       .def(

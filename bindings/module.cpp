@@ -56,8 +56,8 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_mcl(m);
   bind_switching_mcl(m);
   bind_message_log(m);
-  bind_replay(m);
   bind_live(m);
+  bind_replay(m);
   bind_text(m);
   refuse_pickling(m);
 }

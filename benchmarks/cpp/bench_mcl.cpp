@@ -8,6 +8,7 @@
 
 #include "locfuse/estimators/mcl.hpp"
 #include "locfuse/maps/distance_field.hpp"
+#include "locfuse/replay/live_mcl.hpp"
 #include "scan_room.hpp"
 
 namespace {
@@ -71,6 +72,40 @@ void step(benchmark::State& state, Mcl::Proposal proposal) {
     count += k > 10 ? 1 : 0;
   }
   state.counters["rmse_m"] = std::sqrt(squares / std::max(count, 1));
+}
+
+/// The same steps through a LiveMcl, which keeps snapshots for late messages.
+void live_step(benchmark::State& state) {
+  const Mcl fresh = started(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)),
+                            static_cast<int>(state.range(2)), Mcl::Proposal::kOdometry);
+  locfuse::LiveMcl live(fresh);
+  std::size_t k = 0;
+  for (auto _ : state) {
+    if (++k == room().scans.size()) {
+      state.PauseTiming();
+      live = locfuse::LiveMcl(fresh);
+      k = 1;
+      state.ResumeTiming();
+    }
+    const auto stamp = static_cast<locfuse::Stamp>(k) * kStep;
+    const Pose2 motion = inverse(room().truth[k - 1]) * room().truth[k];
+    live.on(locfuse::Increment{stamp - kStep, stamp, motion});
+    locfuse::LaserScan scan = room().scans[k];
+    scan.stamp = stamp - 1;
+    live.on(scan);
+  }
+}
+
+/// A snapshot of a tracked robot, or of one that is sought everywhere.
+void snapshot(benchmark::State& state) {
+  const Mcl mcl = state.range(0) > 0
+                      ? started(static_cast<int>(state.range(0)), 60, 1, Mcl::Proposal::kOdometry)
+                      : Mcl(settings(5000, 60, 1), room().map, 0);
+  for (auto _ : state) {
+    Mcl copy = mcl;
+    benchmark::DoNotOptimize(copy);
+  }
+  state.counters["particles"] = mcl.belief().size;
 }
 
 /// The same step as plain loops over floats: the cost of the method without a library.
@@ -221,6 +256,13 @@ BENCHMARK_CAPTURE(step, match, Mcl::Proposal::kScanMatch)
     ->Args({2000, 60, 1})
     ->Unit(benchmark::kMicrosecond)
     ->UseRealTime();
+BENCHMARK(live_step)
+    ->Name("mcl/live")
+    ->Args({200, 60, 1})
+    ->Args({2000, 60, 1})
+    ->Unit(benchmark::kMicrosecond)
+    ->UseRealTime();
+BENCHMARK(snapshot)->Name("mcl/snapshot")->Arg(2000)->Arg(0)->Unit(benchmark::kMicrosecond);
 BENCHMARK(plain)
     ->Name("mcl/plain")
     ->Args({2000, 60})

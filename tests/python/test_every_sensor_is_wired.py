@@ -54,13 +54,18 @@ WIRING = {
 
 
 def variant() -> list[str]:
-    """Return the messages of the C++ variant, the one register of sensors."""
+    """Return the messages of the C++ variant, the one register of sensors.
+
+    Without scans, of which there is no model of one pose: particles and front ends take them.
+    """
     header = ROOT / "cpp" / "include" / "locfuse" / "messages" / "message.hpp"
     found = re.search(
         r"using Message =\s+std::variant<([^>]*)>", header.read_text(encoding="utf-8")
     )
     assert found is not None
-    return [name.strip() for name in found[1].split(",")]
+    names = [name.strip() for name in found[1].split(",")]
+    assert "LaserScan" in names
+    return [name for name in names if name != "LaserScan"]
 
 
 def fused_by_the_estimator() -> set[str]:

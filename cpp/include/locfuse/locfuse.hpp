@@ -33,6 +33,7 @@
 #include "locfuse/messages/reported_covariance.hpp"
 #include "locfuse/models/motion/ackermann.hpp"
 #include "locfuse/replay/live.hpp"
+#include "locfuse/replay/live_mcl.hpp"
 #include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"

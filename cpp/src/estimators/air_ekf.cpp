@@ -232,9 +232,7 @@ Outcome AirEkf::on(const RangeBearing& z) {
   return outcome;
 }
 
-Outcome AirEkf::on(const Message& message) {
-  return std::visit([this](const auto& m) { return on(m); }, message);
-}
+Outcome AirEkf::on(const Message& message) { return internal::dispatch<LaserScan>(*this, message); }
 
 /// Carries the height, alone, to `stamp` with the last climb rate.
 void AirEkf::lift(Stamp stamp) {

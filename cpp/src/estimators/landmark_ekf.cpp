@@ -128,17 +128,7 @@ Outcome LandmarkEkf::on(const RangeBearing& z) {
 }
 
 Outcome LandmarkEkf::on(const Message& message) {
-  return std::visit(
-      [this](const auto& m) -> Outcome {
-        using M = std::decay_t<decltype(m)>;
-        if constexpr (std::is_same_v<M, Range> || std::is_same_v<M, PoseObservation>) {
-          validate(m);
-          return {Verdict::kIgnored};
-        } else {
-          return on(m);
-        }
-      },
-      message);
+  return internal::dispatch<Range, PoseObservation, LaserScan>(*this, message);
 }
 
 std::vector<Outcome> LandmarkEkf::on_joint(const std::vector<RangeBearing>& sightings,

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include "estimators/health_tuning.hpp"
 #include "estimators/mcl_tuning.hpp"
@@ -437,6 +438,16 @@ Outcome Mcl::on(const Range& z) {
 Outcome Mcl::on(const PositionFix& z) { return weigh_by(recipe_->position, z); }
 
 Outcome Mcl::on(const PoseObservation& z) { return weigh_by(recipe_->pose, z); }
+
+Outcome Mcl::on(const Message& message) {
+  return std::visit([this](const auto& m) { return on(m); }, message);
+}
+
+Mcl Mcl::restarted(const PoseEstimate& pose) const {
+  Mcl again = *this;
+  again.start_at({{pose, 1.0}});
+  return again;
+}
 
 PoseEstimate Mcl::estimate() const {
   const PoseEstimate here = believed();

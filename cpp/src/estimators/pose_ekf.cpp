@@ -297,7 +297,7 @@ std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>
 }
 
 Outcome PoseEkf::on(const Message& message) {
-  return std::visit([this](const auto& m) { return on(m); }, message);
+  return internal::dispatch<LaserScan>(*this, message);
 }
 
 Outcome PoseEkf::fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate) {

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 #include <type_traits>
+#include <variant>
 #include <vector>
 
 #include "locfuse/error.hpp"
@@ -90,6 +91,21 @@ inline void expect_correlated(GaussianBelief& belief, double correlation_s) {
   if (correlation_s > 0.0) {
     belief.correlated.reserve(belief.dimension());
   }
+}
+
+/// Passes a message on to `on` of its kind; one of the kinds `Ignored` is kIgnored if it is valid.
+template <class... Ignored, class Estimator>
+Outcome dispatch(Estimator& estimator, const Message& message) {
+  return std::visit(
+      [&](const auto& m) -> Outcome {
+        if constexpr ((std::is_same_v<std::decay_t<decltype(m)>, Ignored> || ...)) {
+          validate(m);
+          return {Verdict::kIgnored};
+        } else {
+          return estimator.on(m);
+        }
+      },
+      message);
 }
 
 /// Stands for noise that no config can make anything but Gaussian.

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include "estimators/recipe.hpp"
 
@@ -76,6 +77,16 @@ Outcome SwitchingMcl::on(const LaserScan& z) {
     switch_if_suspect(z.stamp);
   }
   return outcome;
+}
+
+Outcome SwitchingMcl::on(const Message& message) {
+  return std::visit([this](const auto& m) { return on(m); }, message);
+}
+
+SwitchingMcl SwitchingMcl::restarted(const PoseEstimate& pose) const {
+  SwitchingMcl again(config_, mcl_.restarted(pose), uwb_);
+  again.uwb_.start_at(pose);
+  return again;
 }
 
 template <class Motion>

@@ -413,17 +413,7 @@ Outcome TagTriangleEkf::on(const Increment& u) {
 }
 
 Outcome TagTriangleEkf::on(const Message& message) {
-  return std::visit(
-      [this](const auto& m) -> Outcome {
-        using M = std::decay_t<decltype(m)>;
-        if constexpr (std::is_same_v<M, PoseObservation> || std::is_same_v<M, RangeBearing>) {
-          validate(m);
-          return {Verdict::kIgnored};
-        } else {
-          return on(m);
-        }
-      },
-      message);
+  return internal::dispatch<PoseObservation, RangeBearing, LaserScan>(*this, message);
 }
 
 /// Fuses a twist (forward, left, turn rate) that holds from `begin` to `end`, then the sides.

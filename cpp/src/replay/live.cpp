@@ -22,10 +22,11 @@ Outcome Live::on(const Message& message) {
   if (disabled_[static_cast<std::size_t>(source_of(message))]) {
     return {Verdict::kIgnored};
   }
+  const bool is_scan = std::holds_alternative<LaserScan>(message);
   if (timeline_) {
-    return track(message);
+    return is_scan ? Outcome{Verdict::kIgnored} : track(message);
   }
-  if (search_.is_late(message)) {
+  if (!is_scan && search_.is_late(message)) {
     const bool is_merely_late = options_.timeline.clock_jump == ClockJump::kRefuse ||
                                 ++consecutive_late_ < options_.timeline.jump_after;
     if (is_merely_late) {
@@ -34,18 +35,10 @@ Outcome Live::on(const Message& message) {
     ++jumps_;
     relocalize();
   }
-  consecutive_late_ = 0;
+  consecutive_late_ = is_scan ? consecutive_late_ : 0;
   search_.on(message);
   check_search();
   return {Verdict::kIgnored};
-}
-
-void Live::on(const LaserScan& scan) {
-  validate(scan);
-  if (!timeline_ && !disabled_[static_cast<std::size_t>(Source::kScans)]) {
-    search_.on(scan);
-    check_search();
-  }
 }
 
 /// Once the search is ready, the messages that wait are delivered in order of arrival. They may

@@ -2,19 +2,37 @@
 #include "locfuse/replay/localize.hpp"
 
 #include <algorithm>
+#include <iterator>
+#include <limits>
 #include <numeric>
+#include <stdexcept>
+#include <string>
 
 namespace locfuse {
 namespace {
 
-/// Indices 0 to count - 1 by stamp; those of one stamp keep their order.
-template <class StampOf>
-std::vector<std::size_t> by_stamp(std::size_t count, const StampOf& stamp_of) {
-  std::vector<std::size_t> order(count);
+/// Indices of scans by arrival; those of one arrival keep their order.
+std::vector<std::size_t> by_arrival(const std::vector<Stamp>& arrivals) {
+  std::vector<std::size_t> order(arrivals.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return stamp_of(a) < stamp_of(b); });
+                   [&](std::size_t a, std::size_t b) { return arrivals[a] < arrivals[b]; });
   return order;
+}
+
+std::vector<Stamp> arrivals_of(const std::vector<LaserScan>& scans,
+                               const std::vector<Stamp>& scan_arrivals) {
+  if (!scan_arrivals.empty() && scan_arrivals.size() != scans.size()) {
+    throw std::invalid_argument("there are " + std::to_string(scan_arrivals.size()) +
+                                " scan_arrivals, expected none or one for each of the " +
+                                std::to_string(scans.size()) + " scans");
+  }
+  std::vector<Stamp> arrivals = scan_arrivals;
+  if (arrivals.empty()) {
+    std::transform(scans.begin(), scans.end(), std::back_inserter(arrivals),
+                   [](const LaserScan& scan) { return scan.stamp; });
+  }
+  return arrivals;
 }
 
 LocalizeRun::Step step_of(const Mcl& mcl) {
@@ -22,8 +40,6 @@ LocalizeRun::Step step_of(const Mcl& mcl) {
       mcl.estimate(), mcl.hypotheses().front().probability,    mcl.explained(), mcl.belief().size,
       mcl.ready(),    mcl.overall_estimate().sigma_position(), mcl.health()};
 }
-
-LocalizeRun::Step step_of(const SwitchingMcl& switching) { return step_of(switching.mcl()); }
 
 /// Replaces a step of the same stamp: where odometry is slower than scans, several are carried to
 /// its end.
@@ -34,49 +50,48 @@ void keep(std::vector<LocalizeRun::Step>& steps, const LocalizeRun::Step& step) 
   steps.push_back(step);
 }
 
-template <class Estimator>
-LocalizeRun run_through(Estimator& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
-                        const LocalizeProgress& progress) {
-  const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
-  const auto effective = [&](std::size_t i) { return effective_stamp(arrivals[i].message); };
-  const std::vector<std::size_t> messages = by_stamp(arrivals.size(), effective);
-  LocalizeRun run;
-  run.outcomes.resize(arrivals.size());
-  run.scan_outcomes.resize(scans.size());
-  std::size_t next = 0;
-  const auto feed_until = [&](const auto& is_due) {
-    for (; next < messages.size() && is_due(effective(messages[next])); ++next) {
-      run.outcomes[messages[next]] = std::visit(
-          [&](const auto& message) { return mcl.on(message); }, arrivals[messages[next]].message);
-    }
-  };
-  std::size_t scans_done = 0;
-  for (const std::size_t i :
-       by_stamp(scans.size(), [&](std::size_t k) { return scans[k].stamp; })) {
-    feed_until([&](Stamp stamp) { return stamp <= scans[i].stamp; });
-    run.scan_outcomes[i] = mcl.on(scans[i]);
-    if (run.scan_outcomes[i].verdict != Verdict::kStale) {
-      keep(run.steps, step_of(mcl));
-    }
-    ++scans_done;
-    if (progress) {
-      progress(next + scans_done, run);
-    }
-  }
-  feed_until([](Stamp) { return true; });
-  return run;
-}
-
 }  // namespace
 
-LocalizeRun localize(Mcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
-                     const LocalizeProgress& progress) {
-  return run_through(mcl, log, scans, progress);
-}
+LocalizeRun localize(LiveMcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
+                     const std::vector<Stamp>& scan_arrivals, const LocalizeProgress& progress) {
+  const std::vector<MessageLog::Arrival>& messages = log.arrivals();
+  const std::vector<Stamp> arrivals = arrivals_of(scans, scan_arrivals);
+  LocalizeRun run;
+  run.outcomes.resize(messages.size());
+  run.scan_outcomes.resize(scans.size());
+  const std::size_t first = mcl.arrivals();
+  std::vector<Outcome*> outcomes;  // in order of arrival
+  outcomes.reserve(messages.size() + scans.size());
 
-LocalizeRun localize(SwitchingMcl& mcl, const MessageLog& log, const std::vector<LaserScan>& scans,
-                     const LocalizeProgress& progress) {
-  return run_through(mcl, log, scans, progress);
+  LiveMcl::Observer observer;
+  observer.fused = [&](std::size_t index, const Outcome& outcome) {
+    if (index >= first) {
+      *outcomes[index - first] = outcome;
+    }
+  };
+  observer.scanned = [&](const LaserScan& /*scan*/, const Outcome& outcome) {
+    if (outcome.verdict != Verdict::kStale) {
+      keep(run.steps, step_of(mcl.mcl()));
+    }
+    if (progress) {
+      progress(outcomes.size() - mcl.waiting(), run);
+    }
+  };
+  std::size_t next = 0;
+  const auto feed_until = [&](Stamp arrival) {
+    for (; next < messages.size() && messages[next].arrival <= arrival; ++next) {
+      outcomes.push_back(&run.outcomes[next]);
+      mcl.on(messages[next].message, observer);
+    }
+  };
+  for (const std::size_t i : by_arrival(arrivals)) {
+    feed_until(arrivals[i]);
+    outcomes.push_back(&run.scan_outcomes[i]);
+    mcl.on(scans[i], observer);
+  }
+  feed_until(std::numeric_limits<Stamp>::max());
+  mcl.finish(observer);
+  return run;
 }
 
 }  // namespace locfuse

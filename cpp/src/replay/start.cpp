@@ -12,24 +12,10 @@
 #include "locfuse/error.hpp"
 
 namespace locfuse {
-namespace {
-
-/// Odometry alone never makes a start ready, and reading the state costs time.
-bool is_measurement(const Message& message) { return source_of(message) != Source::kOdometry; }
-bool is_measurement(const LaserScan& /*scan*/) { return true; }
-
-}  // namespace
-
-int StartSearch::Entry::rank() const {
-  if (is_scan()) {
-    return 2;
-  }
-  return source_of(std::get<Message>(message)) == Source::kOdometry ? 0 : 1;
-}
 
 bool StartSearch::Entry::operator<(const Entry& other) const {
-  return std::make_tuple(stamp, rank(), arrival) <
-         std::make_tuple(other.stamp, other.rank(), other.arrival);
+  return std::make_tuple(stamp, rank_of(message), arrival) <
+         std::make_tuple(other.stamp, rank_of(other.message), other.arrival);
 }
 
 StartSearch::StartSearch(Initializer initializer, Stamp patience)
@@ -43,11 +29,6 @@ StartSearch::StartSearch(Initializer initializer, Stamp patience)
 void StartSearch::on(const Message& message) {
   std::visit([](const auto& m) { validate(m); }, message);
   wait({effective_stamp(message), arrivals_++, message});
-}
-
-void StartSearch::on(const LaserScan& scan) {
-  validate(scan);
-  wait({scan.stamp, arrivals_++, scan});
 }
 
 bool StartSearch::is_late(const Message& message) const {
@@ -85,12 +66,9 @@ void StartSearch::use(const std::vector<Entry>& instant) {
   bool has_measurement = false;
   for (const Entry& entry : instant) {
     try {
-      std::visit(
-          [&](const auto& message) {
-            initializer_.on(message);
-            has_measurement = has_measurement || is_measurement(message);
-          },
-          entry.message);
+      initializer_.on(entry.message);
+      // Odometry alone never makes a start ready, and reading the state costs time.
+      has_measurement = has_measurement || source_of(entry.message) != Source::kOdometry;
     } catch (const std::invalid_argument&) {  // skipped: its caller has returned
     } catch (const NumericalError&) {
     }
@@ -104,7 +82,7 @@ void StartSearch::use(const std::vector<Entry>& instant) {
 std::vector<Message> StartSearch::waiting() const {
   std::vector<const Entry*> by_arrival;
   for (const Entry& entry : waiting_) {
-    if (!entry.is_scan()) {
+    if (source_of(entry.message) != Source::kScans) {
       by_arrival.push_back(&entry);
     }
   }
@@ -113,7 +91,7 @@ std::vector<Message> StartSearch::waiting() const {
   std::vector<Message> messages;
   messages.reserve(by_arrival.size());
   for (const Entry* entry : by_arrival) {
-    messages.push_back(std::get<Message>(entry->message));
+    messages.push_back(entry->message);
   }
   return messages;
 }

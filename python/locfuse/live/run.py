@@ -11,16 +11,17 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_anchors, build_cylinder_detector, build_gyro_config
 from locfuse.config.schema import USABLE, RunConfig
-from locfuse.live.on_map import PATIENCE_NS, OnMap
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
 from locfuse.run.gyro import uses_gyro
 from locfuse.run.health import name_of, reason_of
+from locfuse.run.mcl import LIKELY, live_mcl, mcl_on
 from locfuse.run.messages import landmark_sight
 from locfuse.run.scan_odometry import scan_drive
-from locfuse.run.start import given_start
+from locfuse.run.start import given_start, grid_of
 from locfuse.run.tracker import mapped_landmarks, recovering_ekf
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, MappedLandmarks, nearest
 
+PATIENCE_NS = 250_000_000
 MAX_KEPT = 5000  # messages that are kept for a run that takes over before there is a pose
 
 
@@ -135,7 +136,8 @@ class LiveRun:
         self._received: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)  # while it searches
         self._received_ns: int | None = None
         self._tick: int | None = None
-        self._on_map: OnMap | None = None
+        self._on_map: _core.LiveMcl | None = None
+        self._found_on_map = False  # one place was left at some time, or the start was given
         self._map_pose: _core.PoseEstimate | None = None
         self._begin_ns: int | None = None
         self._filter: _core.Live | None = None
@@ -211,7 +213,7 @@ class LiveRun:
     def _is_found(self) -> bool:
         if self._filter is not None:
             return self._filter.is_tracking
-        return self._on_map is not None and self._on_map.found and self._map_pose is not None
+        return self._found_on_map and self._map_pose is not None
 
     def _on_row(self, source: str, row: Row) -> _core.Verdict:
         if source == "imu":
@@ -261,10 +263,23 @@ class LiveRun:
         if self._on_map is None:
             begin = item.stamp if isinstance(item, _core.LaserScan) else effective_ns(item)
             start = None if self._given is None else self._given_start(begin)
-            self._begin_ns = begin
-            self._on_map = OnMap(self.config, self.world, self._radios, self._landmarks(), begin,
-                                 start)  # fmt: skip
-        for estimate in self._on_map.on(item):
+            self._on_map = self._start_on_map(begin, start)
+        self._use_estimates(self._on_map.on(item))
+
+    def _start_on_map(self, begin_ns: int, start: _core.PoseEstimate | None) -> _core.LiveMcl:
+        grid = grid_of(self.world)
+        if grid is None:
+            raise ConfigError("mcl needs a map, but the world has none; add 'map: FILE.yaml' to "
+                              "its log.yaml, or remove mcl")  # fmt: skip
+        self._begin_ns, self._found_on_map = begin_ns, start is not None
+        mcl = mcl_on(self.config, grid, begin_ns, self._radios, self._landmarks(), start)
+        return live_mcl(self.config, mcl)
+
+    def _use_estimates(self, estimates: list[_core.PoseEstimate]) -> None:
+        """Note the poses after scans whose turn it was."""
+        assert self._on_map is not None
+        for estimate in estimates:
+            self._found_on_map = self._found_on_map or self._on_map.ready
             self._map_pose = estimate
             if self._filter is not None and self._on_map.ready:
                 self._feed_filter(estimate)
@@ -325,9 +340,7 @@ class LiveRun:
         if self._filter is not None:
             self._filter.start_at(estimate)
         if self.config.mcl is not None:
-            self._begin_ns = start.stamp_ns
-            self._on_map = OnMap(self.config, self.world, self._radios, self._landmarks(),
-                                 start.stamp_ns, estimate)  # fmt: skip
+            self._on_map = self._start_on_map(start.stamp_ns, estimate)
             self._map_pose, self._tick = estimate, None
         self._held = []
 
@@ -346,7 +359,7 @@ class LiveRun:
             self._gyro = before._gyro
             self.start_at(pose)
             if self._on_map is not None and before._on_map is not None:
-                self._on_map.go_on_from(before._on_map)
+                self._use_estimates(self._on_map.go_on_from(before._on_map))
             if "v_mps" in before._driven:  # which is held until the next one
                 self.on("odometry", before._driven)
 
@@ -354,6 +367,7 @@ class LiveRun:
         """Forget the pose and search it, though the start was given."""
         self._given, self._held = None, []
         self._on_map = self._map_pose = self._tick = None
+        self._found_on_map = False
         if self._filter is not None:
             self._filter.relocalize()
 
@@ -419,8 +433,9 @@ class LiveRun:
         report = self._on_map.health()
         reason = reason_of(report.reason, report.source, self.names, self.config)
         state = report.state.name.lower()
-        if state == "ambiguous" or (state == "initializing" and not self._on_map.found):
-            reason = f"{self._on_map.places} places on the map fit"
+        if state == "ambiguous" or (state == "initializing" and not self._found_on_map):
+            places = sum(h.probability >= LIKELY for h in self._on_map.hypotheses)
+            reason = f"{places} places on the map fit"
         return LiveHealth(state, reason, report.within, report.wrong, report.protection)
 
     def sources(self) -> list[LiveSource]:
@@ -453,7 +468,8 @@ class LiveRun:
     @property
     def jumps(self) -> int:
         """How often the clock went back and it started anew or went on."""
-        return 0 if self._filter is None else self._filter.jumps
+        return (0 if self._filter is None else self._filter.jumps) + (
+            0 if self._on_map is None else self._on_map.jumps)  # fmt: skip
 
 
 def _pose(estimate: _core.PoseEstimate, in_space: _core.AirEstimate | None = None) -> LivePose:

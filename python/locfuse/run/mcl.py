@@ -37,7 +37,7 @@ from locfuse.types import (
 
 _MAX_FRAMES = 700  # of a run, so that a long one stays small: a minute at ten scans a second
 _MAX_PARTICLES = 2000  # of a frame
-_LIKELY = 0.01  # probability from which a pose is reported as a hypothesis
+LIKELY = 0.01  # probability from which a pose is reported as a hypothesis
 
 
 @dataclass(frozen=True)
@@ -149,6 +149,13 @@ def mcl_on(
     return _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)
 
 
+def live_mcl(config: RunConfig, mcl: _core.Mcl | _core.SwitchingMcl) -> _core.LiveMcl:
+    """Return the estimator as messages and scans arrive, late ones up to ``history_s``."""
+    return _core.LiveMcl(mcl, round(config.history_s * NANOSECONDS),
+                         _core.ClockJump[config.clock_jump.upper()],
+                         config.history_messages)  # fmt: skip
+
+
 def localize(
     config: RunConfig,
     log: Log,
@@ -177,7 +184,7 @@ def localize(
         As `messages_for` and `mcl_of`.
     """
     messages = messages_for(config, log)
-    mcl = mcl_of(config, log, messages, start)
+    mcl = live_mcl(config, mcl_of(config, log, messages, start))
     scans = scans_of(log)
     begin = mcl.estimate().stamp
     search = _Search(mcl) if start is None and config.start == "auto" else None
@@ -202,7 +209,7 @@ def localize(
             start=None if search is None else search.start(begin),
             wall_s=wall_s,
             health=health_of(run, messages, config),
-            injections=tuple(mcl.injections) if isinstance(mcl, _core.SwitchingMcl) else (),
+            injections=tuple(mcl.injections),
             frames=tuple(film.frames),
         )  # fmt: skip
 
@@ -219,7 +226,13 @@ def localize(
                 watch(lambda: _part(log, localization_of(run()), done - scans_done, scans_done))
 
     clock = Stopwatch()
-    return localization_of(_core.localize(mcl, messages.log, scans, look))
+    arrivals = scan_arrivals_of(log)
+    return localization_of(_core.localize(mcl, messages.log, scans, arrivals, look))
+
+
+def scan_arrivals_of(log: Log) -> list[int]:
+    """Return when each scan of a log arrives; none where they arrive at their stamps."""
+    return log["scans"]["arrival_ns"].tolist() if "arrival_ns" in log["scans"] else []
 
 
 def _part(
@@ -264,10 +277,10 @@ class Stopwatch:
             self._aside += time.perf_counter() - began
 
 
-def frame_of(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
+def frame_of(mcl: _core.LiveMcl) -> Frame:
     """Return the present estimate, with a copy of at most 2000 particles."""
     now = mcl.estimate()
-    particles = (mcl.mcl if isinstance(mcl, _core.SwitchingMcl) else mcl).particles
+    particles = mcl.particles
     step = -(-len(particles) // _MAX_PARTICLES)
     pose = np.array([now.pose.x, now.pose.y, now.pose.heading])
     return Frame(now.stamp, particles[::step].copy(), pose, mcl.ready)
@@ -276,7 +289,7 @@ def frame_of(mcl: _core.Mcl | _core.SwitchingMcl) -> Frame:
 class _Frames:
     """Looks at an `Mcl` after each scan; of many scans, after every second, fourth and so on."""
 
-    def __init__(self, mcl: _core.Mcl | _core.SwitchingMcl) -> None:
+    def __init__(self, mcl: _core.LiveMcl) -> None:
         self.frames: list[Frame] = []
         self._mcl = mcl
         self._scans = 0
@@ -294,7 +307,7 @@ class _Frames:
 class _Search:
     """Looks at an `Mcl` after each scan until it is ready."""
 
-    def __init__(self, mcl: _core.Mcl | _core.SwitchingMcl) -> None:
+    def __init__(self, mcl: _core.LiveMcl) -> None:
         self._mcl = mcl
         self._steps: list[tuple[int, tuple[Hypothesis, ...]]] = []
         self._found = False
@@ -302,7 +315,7 @@ class _Search:
     def look(self) -> None:
         if not self._found:
             found = self._mcl.hypotheses
-            likely = [h for h in found if h.probability >= _LIKELY] or found[:1]
+            likely = [h for h in found if h.probability >= LIKELY] or found[:1]
             self._steps.append((found[0].estimate.stamp, hypotheses_of(likely)))
             self._found = self._mcl.ready
 

@@ -35,7 +35,8 @@ def make_mcl() -> tuple[lf.Mcl, lf.LaserGeometry, np.ndarray]:
 def test_others_wait_until_particles_have_been_weighed_and_whoever_is_called_back_does_not() -> (
     None
 ):
-    mcl, geometry, seen = make_mcl()
+    estimator, geometry, seen = make_mcl()
+    mcl = lf.LiveMcl(estimator)
     scans = [lf.LaserScan(k * 10**8, geometry, seen) for k in range(1, 4)]
     began = threading.Event()
     read: list[Any] = []
@@ -56,7 +57,7 @@ def test_others_wait_until_particles_have_been_weighed_and_whoever_is_called_bac
             time.sleep(0.05)
             waited.append(not read)
 
-    lf.localize(mcl, lf.MessageLog(), scans, progress)
+    lf.localize(mcl, lf.MessageLog(), scans, progress=progress)
     other.join()
     assert waited == [True, True]
     assert read == [3 * 10**8]

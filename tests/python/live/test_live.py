@@ -181,6 +181,30 @@ def test_scans_that_come_when_their_turn_is_over_are_used_where_they_belong(late
         assert poses[stamp].pose == pytest.approx(on_time[stamp].pose, abs=0.1)
 
 
+def test_one_scan_in_five_late_by_half_a_second_ends_with_the_particles_of_those_in_time() -> None:
+    config, log, start = particles_from_the_truth()
+    stamp = log["scans"]["stamp_ns"]
+    late_ns = np.where(np.arange(len(stamp)) % 5 == 1, 500_000_000, 0)
+    scans = {**log["scans"], "arrival_ns": stamp + late_ns}
+    late = replace(log, tables={**log.tables, "scans": scans})
+    ends = []
+    for one in (log, late):
+        _, poses = live_of(config, one, start)
+        at = _core.PoseEstimate(start.stamp_ns, _core.Pose2(*start.pose.tolist()),
+                                start.covariance)  # fmt: skip
+        of_run = run(config, one, start=at)
+        estimate = of_run.estimate
+        assert estimate.covariance is not None
+        assert not np.any(of_run.outcomes.verdict == "stale")
+        ends.append((estimate.position[-1].tolist(), estimate.covariance[-1].tolist()))
+        rows = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in poses]
+        assert len(rows) >= len(estimate) // 2 > 5  # of two at once one is seen
+        for row in rows:
+            live = poses[int(estimate.stamp_ns[row])].pose
+            assert live[:2].tolist() == estimate.position[row].tolist()
+    assert ends[0] == ends[1]
+
+
 def test_particles_with_a_given_start_have_protection_levels() -> None:
     live, _ = live_of(*particles_from_the_truth())
     health = live.health()

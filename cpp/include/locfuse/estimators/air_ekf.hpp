@@ -94,7 +94,7 @@ class AirEkf {
   /// Of a landmark that it names, at its height; kNotModelled without a name.
   Outcome on(const RangeBearing& z);
 
-  /// Odometry as one that does not climb.
+  /// Odometry as one that does not climb. Scans are kIgnored.
   Outcome on(const Message& message);
 
   /// Carries the belief to `stamp`. Earlier stamps change nothing. Throws std::invalid_argument if

@@ -17,6 +17,7 @@
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
+#include "locfuse/messages/message.hpp"
 
 namespace locfuse {
 
@@ -32,6 +33,9 @@ class Mcl {
   using Config = MclConfig;
   using Likelihood = MclConfig::Likelihood;
   using Proposal = MclConfig::Proposal;
+
+  /// Snapshots that a history of messages keeps. One takes 56 bytes a particle.
+  static constexpr int kSnapshots = 8;
 
   /// Starts with particles all over the free cells. `anchors` may be null. Throws
   /// std::invalid_argument on a config out of range.
@@ -64,7 +68,15 @@ class Mcl {
   Outcome on(const PoseObservation& z);
   /// An unnamed one weighs each particle by the landmark that fits it best.
   Outcome on(const RangeBearing& z);
+  Outcome on(const Message& message);
 
+  /// The same Mcl, at a pose.
+  [[nodiscard]] Mcl restarted(const PoseEstimate& pose) const;
+  /// Whether it knows where it is: `ready` at some time since it started.
+  [[nodiscard]] bool has_started() const { return health_.is_active(); }
+
+  /// The likeliest cluster at the stamp of the last message.
+  [[nodiscard]] const PoseEstimate& current() const { return filter_.best().estimate; }
   /// The likeliest cluster, carried to where odometry ends; while it is lost with a covariance that
   /// says so, Health::doubted.
   [[nodiscard]] PoseEstimate estimate() const;

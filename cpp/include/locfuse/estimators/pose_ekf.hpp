@@ -80,6 +80,7 @@ class PoseEkf {
   Outcome on(const PoseObservation& z);
   /// One without a name is of the nearest landmark; kNotModelled if there is no landmark.
   Outcome on(const RangeBearing& z);
+  /// Scans are kIgnored.
   Outcome on(const Message& message);
 
   /// What `on` would compare, but fuses nothing: kGated in place of kFused.

@@ -20,6 +20,8 @@ namespace locfuse {
 /// valid.
 class SwitchingMcl {
  public:
+  static constexpr int kSnapshots = Mcl::kSnapshots;
+
   /// Why the particles are suspect.
   enum class InjectionReason : std::uint8_t {
     kNone,
@@ -63,7 +65,15 @@ class SwitchingMcl {
   Outcome on(const LaserScan& z);
   Outcome on(const PoseObservation& z);
   Outcome on(const RangeBearing& z);
+  Outcome on(const Message& message);
 
+  /// The same estimator, with particles and the UWB filter at a pose.
+  [[nodiscard]] SwitchingMcl restarted(const PoseEstimate& pose) const;
+  /// Whether the particles know where they are.
+  [[nodiscard]] bool has_started() const { return mcl_.has_started(); }
+
+  /// Estimate of the particles at the stamp of the last message.
+  [[nodiscard]] const PoseEstimate& current() const { return mcl_.current(); }
   /// Estimate of the particles, carried to where odometry ends.
   [[nodiscard]] PoseEstimate estimate() const { return mcl_.estimate(); }
   /// How far it may be trusted, by the measurements that weighed particles.

@@ -14,7 +14,7 @@ namespace locfuse {
 /// Variant of all messages: the register of sensors in C++. Code that handles all of them visits
 /// it, so that the compiler reports where a new one is missing.
 using Message =
-    std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing>;
+    std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing, LaserScan>;
 
 /// Stamp at which a message takes effect: its own, or for an Increment the beginning of the motion.
 [[nodiscard]] inline Stamp effective_stamp(const Increment& message) { return message.begin; }
@@ -31,16 +31,22 @@ template <class M>
   return std::visit([](const auto& m) { return m.stamp; }, message);
 }
 
-/// Kind of source of a message. Scans are a source, but not a Message: they initialize or weight
-/// particles.
+/// Kind of source of a message.
 enum class Source : std::uint8_t { kOdometry, kRanges, kPositions, kPoses, kSightings, kScans };
 constexpr std::size_t kSources = 6;
 
 [[nodiscard]] inline Source source_of(const Message& message) {
   constexpr Source kOf[] = {Source::kOdometry,  Source::kOdometry, Source::kRanges,
-                            Source::kPositions, Source::kPoses,    Source::kSightings};
+                            Source::kPositions, Source::kPoses,    Source::kSightings,
+                            Source::kScans};
   static_assert(std::size(kOf) == std::variant_size_v<Message>);
   return kOf[message.index()];
+}
+
+/// Place among the messages of one stamp: odometry comes first, and scans last.
+[[nodiscard]] inline int rank_of(const Message& message) {
+  const Source source = source_of(message);
+  return source == Source::kOdometry ? 0 : source == Source::kScans ? 2 : 1;
 }
 
 /// Message of a source whose stamps are late by `delay` [ns], with corrected stamps.

@@ -29,11 +29,10 @@ class Live {
   explicit Live(RecoveringEkf estimator) : Live(std::move(estimator), Options{}) {}
   Live(RecoveringEkf estimator, const Options& options);
 
-  /// Returns kIgnored during the search and for a source that is off, kStale for a message that is
-  /// too late. Throws std::invalid_argument for a message that is not valid, and forgets it.
+  /// Returns kIgnored during the search, for a source that is off and for a scan, which is of use
+  /// to the search alone; kStale for a message that is too late. Throws std::invalid_argument for a
+  /// message that is not valid, and forgets it.
   Outcome on(const Message& message);
-  /// Used during the search only.
-  void on(const LaserScan& scan);
 
   /// Tracks from `start` on and forgets what was known before. Throws std::invalid_argument as
   /// PoseEkf does.

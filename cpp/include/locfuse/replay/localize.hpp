@@ -4,8 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "locfuse/estimators/mcl.hpp"
-#include "locfuse/estimators/switching_mcl.hpp"
+#include "locfuse/replay/live_mcl.hpp"
 #include "locfuse/replay/message_log.hpp"
 
 namespace locfuse {
@@ -23,23 +22,21 @@ struct LocalizeRun {
   };
   std::vector<Outcome> outcomes;       ///< per message, in order of arrival
   std::vector<Outcome> scan_outcomes;  ///< per scan
-  std::vector<Step> steps;             ///< at increasing stamps; none for stale scans
+  std::vector<Step> steps;  ///< at increasing stamps, as known then; none for stale scans
 };
 
-/// Receives the number of messages and scans done and the results so far, of which only the last
-/// step may still change, if the next scan has the same stamp.
+/// Receives the number of messages and scans that have had their turn and the results so far, of
+/// which late messages may still change outcomes, and the next scan the last step.
 using LocalizeProgress = std::function<void(std::size_t, const LocalizeRun&)>;
 
-/// Feeds a log and scans to an Mcl in order of effective stamps; at equal stamps messages come
-/// before scans, each in order of arrival. So late messages are fused where they belong, however
-/// late. `progress` is called after each scan and may read the Mcl; outcomes still to come are
-/// default ones.
-[[nodiscard]] LocalizeRun localize(Mcl& mcl, const MessageLog& log,
+/// Feeds a log and scans to an Mcl in order of arrival, as they would come live: the same messages
+/// give the same bits. At equal arrivals messages come before scans. `scan_arrivals` [ns] are those
+/// of the scans, or none where they arrive at their stamps. `progress` is called after each scan
+/// and may read the Mcl; outcomes still to come are default ones. Throws std::invalid_argument
+/// unless there are as many arrivals as scans, or none.
+[[nodiscard]] LocalizeRun localize(LiveMcl& mcl, const MessageLog& log,
                                    const std::vector<LaserScan>& scans,
-                                   const LocalizeProgress& progress = {});
-/// The same; the estimator's `injections` show when UWB took over.
-[[nodiscard]] LocalizeRun localize(SwitchingMcl& mcl, const MessageLog& log,
-                                   const std::vector<LaserScan>& scans,
+                                   const std::vector<Stamp>& scan_arrivals = {},
                                    const LocalizeProgress& progress = {});
 
 }  // namespace locfuse

@@ -22,6 +22,14 @@ template <class Estimator>
 constexpr bool kMayFuseJointly<
     Estimator, std::void_t<decltype(std::declval<const Estimator&>().fuses_jointly())>> = true;
 
+/// Whether a snapshot of an estimator is large, so that few are kept: its kSnapshots, evenly over
+/// the history.
+template <class Estimator, class = void>
+constexpr int kFewSnapshots = 0;
+template <class Estimator>
+constexpr int kFewSnapshots<Estimator, std::void_t<decltype(Estimator::kSnapshots)>> =
+    Estimator::kSnapshots;
+
 /// Fused messages in order, with snapshots of the estimator every kSnapshotInterval of them, from
 /// which a late message and those after it are fused again. Where the estimator fuses jointly, so
 /// do the sightings of one stamp between two other messages: each that arrives fuses all of them
@@ -37,6 +45,10 @@ class MessageHistory {
   explicit MessageHistory(Stamp length) : length_(length) {}
 
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
+  /// Stamp of the newest message fused; the least of all stamps before the first.
+  [[nodiscard]] Stamp newest() const {
+    return entries_.empty() ? std::numeric_limits<Stamp>::min() : entries_.back().stamp;
+  }
   /// Whether a message is older than the history.
   [[nodiscard]] bool is_stale(Stamp stamp) const {
     return !entries_.empty() &&
@@ -91,8 +103,7 @@ class MessageHistory {
   template <class Sink>
   void append(const TimelineEntry& entry, Estimator& estimator, Sink& sink, bool may_wait) {
     const bool joins = joins_last(entry, estimator);
-    if (!joins &&
-        (snapshots_used_ == 0 || entries_.size() >= last_snapshot().position + kSnapshotInterval)) {
+    if (!joins && is_snapshot_due(entries_.size(), entry.stamp)) {
       take_snapshot(entries_.size(), estimator);
     }
     if (is_joint(entry, estimator)) {
@@ -110,7 +121,8 @@ class MessageHistory {
       }
       entries_.push_back(entry);
     }
-    if (entries_.size() >= kSnapshotInterval * kSnapshotInterval) {
+    if (kFewSnapshots < Estimator >> 0 ||
+        entries_.size() >= kSnapshotInterval * kSnapshotInterval) {
       drop_expired();
     }
   }
@@ -159,10 +171,7 @@ class MessageHistory {
 
   /// The order of fusion; those that are equal are fused as they arrive.
   [[nodiscard]] static bool precedes(const TimelineEntry& a, const TimelineEntry& b) {
-    const auto is_measurement = [](const TimelineEntry& e) {
-      return source_of(e.message) != Source::kOdometry;
-    };
-    return a.stamp != b.stamp ? a.stamp < b.stamp : is_measurement(a) < is_measurement(b);
+    return a.stamp != b.stamp ? a.stamp < b.stamp : rank_of(a.message) < rank_of(b.message);
   }
 
   [[nodiscard]] static bool is_joint(const TimelineEntry& entry, const Estimator& estimator) {
@@ -205,7 +214,7 @@ class MessageHistory {
   template <class Sink>
   void fuse_from(std::size_t next, std::size_t position, Estimator& estimator, Sink& sink) {
     while (next < entries_.size()) {
-      if (next >= last_snapshot().position + kSnapshotInterval) {
+      if (is_snapshot_due(next, entries_[next].stamp)) {
         take_snapshot(next, estimator);
       }
       if constexpr (kMayFuseJointly<Estimator>) {
@@ -241,7 +250,29 @@ class MessageHistory {
 
   [[nodiscard]] const Snapshot& last_snapshot() const { return snapshots_[snapshots_used_ - 1]; }
 
+  /// Whether it is time for a snapshot before a message.
+  [[nodiscard]] bool is_snapshot_due(std::size_t position, Stamp stamp) const {
+    if (snapshots_used_ == 0) {
+      return true;
+    }
+    const std::size_t last = last_snapshot().position;
+    if constexpr (kFewSnapshots < Estimator >> 0) {
+      if (last == position || stamp - entries_[last].stamp < length_ / kFewSnapshots<Estimator>) {
+        return false;
+      }
+    }
+    return position >= last + kSnapshotInterval;
+  }
+
+  void drop_unused() {
+    snapshots_.erase(snapshots_.begin() + static_cast<std::ptrdiff_t>(snapshots_used_),
+                     snapshots_.end());
+  }
+
   void take_snapshot(std::size_t position, const Estimator& estimator) {
+    if constexpr (kFewSnapshots < Estimator >> 0) {  // none keeps the memory of a larger one
+      drop_unused();
+    }
     if (snapshots_used_ == snapshots_.size()) {
       snapshots_.push_back({position, estimator});
     } else {  // reuse memory
@@ -259,7 +290,7 @@ class MessageHistory {
     while (keep + 1 < snapshots_used_ && entries_[snapshots_[keep + 1].position].stamp < horizon) {
       ++keep;
     }
-    if (keep * 2 >= snapshots_used_) {
+    if (keep * 2 >= snapshots_used_ || (kFewSnapshots < Estimator >> 0 && keep > 0)) {
       drop_before(keep);
     }
   }
@@ -278,6 +309,9 @@ class MessageHistory {
     std::rotate(snapshots_.begin(), snapshots_.begin() + static_cast<std::ptrdiff_t>(snapshot),
                 snapshots_.begin() + static_cast<std::ptrdiff_t>(snapshots_used_));
     snapshots_used_ -= snapshot;
+    if constexpr (kFewSnapshots < Estimator >> 0) {
+      drop_unused();
+    }
     for (std::size_t i = 0; i < snapshots_used_; ++i) {
       snapshots_[i].position -= dropped;
     }

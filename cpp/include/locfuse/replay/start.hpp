@@ -22,10 +22,9 @@ class StartSearch {
   /// `patience` [ns]; 0 for messages in order. Throws std::invalid_argument if it is negative.
   explicit StartSearch(Initializer initializer, Stamp patience = kPatience);
 
-  /// Throw std::invalid_argument for a message that is not valid. Late messages are skipped; once
+  /// Throws std::invalid_argument for a message that is not valid. Late messages are skipped; once
   /// it is ready, messages only wait.
   void on(const Message& message);
-  void on(const LaserScan& scan);
   /// Uses all messages that wait: the log has ended.
   void finish();
 
@@ -38,7 +37,7 @@ class StartSearch {
   /// Messages that take effect up to this stamp have been used [ns].
   [[nodiscard]] Stamp used_until() const { return used_until_; }
   [[nodiscard]] const Initializer& initializer() const { return initializer_; }
-  /// Messages that have not been used, in order of arrival.
+  /// Messages that have not been used, without scans, in order of arrival.
   [[nodiscard]] std::vector<Message> waiting() const;
 
   static constexpr Stamp kPatience = 250'000'000;
@@ -48,9 +47,7 @@ class StartSearch {
   struct Entry {
     Stamp stamp;
     std::size_t arrival;
-    std::variant<Message, LaserScan> message;
-    [[nodiscard]] bool is_scan() const { return message.index() == 1; }
-    [[nodiscard]] int rank() const;  // among those of one stamp
+    Message message;
     bool operator<(const Entry& other) const;
   };
 

@@ -56,7 +56,7 @@ template <class Estimator>
 }  // namespace internal
 
 /// Feeds an estimator in order of effective stamps, whatever order messages arrive in; at equal
-/// stamps odometry comes first, and the rest in order of arrival.
+/// stamps odometry comes first and scans last, the rest in order of arrival.
 ///
 /// A late message inside the history is fused where it belongs: the snapshot before it is restored
 /// and what followed is fused again, so the belief equals, bit for bit, that of the sorted log. A
@@ -102,7 +102,12 @@ class Timeline {
   /// stamp as this one, so that an estimator that fuses them jointly does so once, then.
   template <class Sink>
   void on(const Message& message, Sink&& sink, bool may_wait = false) {
-    const Entry entry{effective_stamp(message), arrivals_++, message};
+    on(arrivals_++, message, sink, may_wait);
+  }
+  /// The same of a message that the caller has counted.
+  template <class Sink>
+  void on(std::size_t index, const Message& message, Sink&& sink, bool may_wait = false) {
+    const Entry entry{effective_stamp(message), index, message};
     const Source source = source_of(message);
     if (disabled_[static_cast<std::size_t>(source)]) {
       sink(entry.index, Outcome{Verdict::kIgnored});
@@ -133,6 +138,8 @@ class Timeline {
   }
 
   [[nodiscard]] const Estimator& estimator() const { return estimator_; }
+  /// Stamp of the newest message fused; the least of all stamps before the first.
+  [[nodiscard]] Stamp newest() const { return history_.newest(); }
   /// Clock jumps after which the estimator restarted or continued.
   [[nodiscard]] std::size_t jumps() const { return jumps_; }
   /// Messages inside the history that were dropped since there were more than max_messages: later

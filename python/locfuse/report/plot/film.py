@@ -20,7 +20,7 @@ from locfuse.io.whole import whole_file
 from locfuse.report.plot import style
 from locfuse.report.plot.world import box_around, draw_map, drawable, world_figure
 from locfuse.run.gyro import with_gyro
-from locfuse.run.mcl import frame_of, mcl_of, messages_for
+from locfuse.run.mcl import frame_of, live_mcl, mcl_of, messages_for, scan_arrivals_of
 from locfuse.run.start import scans_of
 from locfuse.types import (
     NANOSECONDS,
@@ -76,13 +76,16 @@ def record(config: RunConfig, result: RunResult) -> list[Frame]:
     """Return a frame per scan, from the start until a while after the pose was found."""
     log = with_gyro(result.log, config)
     messages = messages_for(config, log)
-    mcl = mcl_of(config, log, messages)
+    mcl = live_mcl(config, mcl_of(config, log, messages))
     ready_s = result.metrics["mcl"]["ready_s"]
     shown_s = _NEVER_S if ready_s is None else ready_s + _AFTER_S
     end = mcl.estimate().stamp + round(shown_s * NANOSECONDS)
-    scans = [scan for scan in scans_of(result.log) if scan.stamp <= end]
+    scans = scans_of(result.log)
+    arrivals = scan_arrivals_of(result.log) or [scan.stamp for scan in scans]
+    shown = [i for i, scan in enumerate(scans) if scan.stamp <= end]
     frames: list[Frame] = []
-    _core.localize(mcl, messages.log, scans, lambda *_: frames.append(frame_of(mcl)))
+    _core.localize(mcl, messages.log, [scans[i] for i in shown], [arrivals[i] for i in shown],
+                   lambda *_: frames.append(frame_of(mcl)))  # fmt: skip
     return frames
 
 

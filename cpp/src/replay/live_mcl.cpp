@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/replay/live_mcl.hpp"
+
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+namespace locfuse {
+
+bool LiveMcl::Entry::operator<(const Entry& other) const {
+  return std::make_tuple(stamp, rank_of(message), index) <
+         std::make_tuple(other.stamp, rank_of(other.message), other.index);
+}
+
+LiveMcl::LiveMcl(Mcl mcl, const Options& options)
+    : timeline_(Timeline<Mcl>(std::move(mcl), options.history, options.timeline)),
+      history_(options.history) {}
+
+LiveMcl::LiveMcl(SwitchingMcl mcl, const Options& options)
+    : timeline_(Timeline<SwitchingMcl>(std::move(mcl), options.history, options.timeline)),
+      history_(options.history) {}
+
+void LiveMcl::on(const Message& message, const Observer& observer) {
+  std::visit([](const auto& m) { validate(m); }, message);
+  Entry entry{effective_stamp(message), arrivals_++, message};
+  const bool is_ahead = newest_ != std::numeric_limits<Stamp>::min() &&
+                        entry.stamp > newest_ + internal::ClockJumpDetector::kFarAhead;
+  if (is_ahead) {  // one wrong stamp makes none of the others due
+    fuse(entry, observer);
+    newest_ = std::max(newest_, newest_fused());
+  } else {
+    watch_time(message, entry.stamp);
+    waiting_.insert(std::upper_bound(waiting_.begin(), waiting_.end(), entry), std::move(entry));
+  }
+  take_turns(due(), observer);
+  if (waiting_.size() > kMaxWaiting) {  // the clock stands still
+    take_turns(waiting_.front().stamp, observer);
+  }
+}
+
+void LiveMcl::finish(const Observer& observer) {
+  take_turns(std::numeric_limits<Stamp>::max(), observer);
+}
+
+void LiveMcl::go_on_from(const LiveMcl& before, const Observer& observer) {
+  std::vector<Entry> waiting = before.waiting_;
+  std::sort(waiting.begin(), waiting.end(),
+            [](const Entry& a, const Entry& b) { return a.index < b.index; });
+  for (const Entry& entry : waiting) {
+    on(entry.message, observer);
+  }
+  lateness_ = before.lateness_;
+  scans_ = before.scans_;
+}
+
+/// Notes how far odometry has come, and how late scans are behind it.
+void LiveMcl::watch_time(const Message& message, Stamp stamp) {
+  newest_ = std::max(newest_, stamp);
+  if (source_of(message) == Source::kOdometry) {
+    const Stamp end = stamp_of(message);
+    odometry_end_ = std::max(end, odometry_end_.value_or(end));
+    odometry_begin_ = std::max(stamp, odometry_begin_.value_or(stamp));
+  } else if (source_of(message) == Source::kScans) {
+    const Stamp late = std::max<Stamp>(0, odometry_begin_.value_or(stamp) - stamp);
+    if (late <= history_) {
+      lateness_[scans_++ % kRecentScans] = late;
+    }
+  }
+}
+
+Stamp LiveMcl::lateness() const { return *std::max_element(lateness_.begin(), lateness_.end()); }
+
+/// Up to when all that waits has its turn.
+Stamp LiveMcl::due() const {
+  if (newest_ == std::numeric_limits<Stamp>::min()) {
+    return newest_;
+  }
+  const Stamp late = lateness();
+  const Stamp patient = newest_ - std::max(kPatience, late) - 1;
+  if (!odometry_end_ || scans_ == 0) {
+    return patient;
+  }
+  return std::max(patient, late > 0 ? *odometry_begin_ - late : *odometry_end_);
+}
+
+void LiveMcl::take_turns(Stamp until, const Observer& observer) {
+  while (!waiting_.empty() && waiting_.front().stamp <= until) {
+    const Entry now = std::move(waiting_.front());
+    waiting_.erase(waiting_.begin());
+    fuse(now, observer);
+  }
+}
+
+void LiveMcl::fuse(const Entry& entry, const Observer& observer) {
+  Outcome own{Verdict::kIgnored};
+  const std::size_t jumps_before = jumps();
+  std::visit(
+      [&](auto& timeline) {
+        timeline.on(entry.index, entry.message, [&](std::size_t index, const Outcome& outcome) {
+          if (index == entry.index) {
+            own = outcome;
+          }
+          if (observer.fused) {
+            observer.fused(index, outcome);
+          }
+        });
+      },
+      timeline_);
+  if (jumps() > jumps_before) {
+    newest_ = newest_fused();
+    odometry_begin_.reset();
+    odometry_end_.reset();
+  }
+  if (const auto* scan = std::get_if<LaserScan>(&entry.message); scan && observer.scanned) {
+    observer.scanned(*scan, own);
+  }
+}
+
+const Mcl& LiveMcl::mcl() const {
+  const SwitchingMcl* both = switching();
+  return both != nullptr ? both->mcl() : std::get<Timeline<Mcl>>(timeline_).estimator();
+}
+
+const SwitchingMcl* LiveMcl::switching() const {
+  const auto* timeline = std::get_if<Timeline<SwitchingMcl>>(&timeline_);
+  return timeline != nullptr ? &timeline->estimator() : nullptr;
+}
+
+std::size_t LiveMcl::jumps() const {
+  return std::visit([](const auto& timeline) { return timeline.jumps(); }, timeline_);
+}
+
+std::size_t LiveMcl::dropped_messages() const {
+  return std::visit([](const auto& timeline) { return timeline.dropped_messages(); }, timeline_);
+}
+
+Stamp LiveMcl::newest_fused() const {
+  return std::visit([](const auto& timeline) { return timeline.newest(); }, timeline_);
+}
+
+}  // namespace locfuse
