@@ -229,6 +229,8 @@ def particle_rows(m: Measured) -> Iterator[Row]:
         what = f"C++, Mcl, {size[:-5]} particles with scan-matching proposal / with odometry"
         yield _at_most(what, m[f"mcl/refined/{size}/real_time"], m[f"mcl/step/{size}/real_time"],
                        4.0)  # fmt: skip
+        what = f"C++, Mcl, {size[:-5]} particles as messages arrive / in order"
+        yield _at_most(what, m[f"mcl/live/{size}/real_time"], m[f"mcl/step/{size}/real_time"], 1.3)
 
 
 def _at_most(what: str, ours: float, peer: float, limit: float) -> Row:
