@@ -117,6 +117,24 @@ void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
           "Protection levels of x, y [m] and heading [rad], (k, 3).");
 }
 
+/// Binds what became of each message.
+template <class Run>
+void bind_outcome_columns(py::class_<Run>& bound) {
+  bound
+      .def_property_readonly(
+          "verdict", [](const Run& r) { return verdicts_of(r.outcomes); },
+          "Index into Verdict, one per message in order of arrival.")
+      .def_property_readonly(
+          "limit",
+          [](const Run& r) {
+            return column_of<double>(r.outcomes, [](const auto& o) { return o.limit; });
+          },
+          "Largest `nis` that the gate passes, or distance that conditioning allows [m].")
+      .def_property_readonly("residual", [](const Run& r) {
+        return column_of<double>(r.outcomes, [](const auto& o) { return o.residual; });
+      });
+}
+
 /// Progress callback: number of processed messages, and a function that returns a copy of the run.
 template <class Run>
 using Progress = std::optional<std::function<void(std::size_t, std::function<Run()>)>>;
@@ -177,6 +195,7 @@ void bind_replay(py::module_& m) {
   bind_health_columns(
       run_log, [](const RunLog& r) -> const auto& { return r.health; },
       [](const locfuse::HealthReport& h) -> const auto& { return h; });
+  bind_outcome_columns(run_log);
   run_log
       .def_property_readonly(
           "stamp_ns",
@@ -205,9 +224,6 @@ void bind_replay(py::module_& m) {
             return to_numpy(std::move(rows), {static_cast<py::ssize_t>(r.in_space.size()), 4, 4});
           },
           "Of (x, y, heading, height), (n, 4, 4); else empty.")
-      .def_property_readonly(
-          "verdict", [](const RunLog& r) { return verdicts_of(r.outcomes); },
-          "Index into Verdict, one per message in order of arrival.")
       .def_property_readonly("dof",
                              [](const RunLog& r) {
                                return column_of<std::int64_t>(
@@ -217,17 +233,6 @@ void bind_replay(py::module_& m) {
                              [](const RunLog& r) {
                                return column_of<double>(r.outcomes,
                                                         [](const auto& o) { return o.nis; });
-                             })
-      .def_property_readonly(
-          "limit",
-          [](const RunLog& r) {
-            return column_of<double>(r.outcomes, [](const auto& o) { return o.limit; });
-          },
-          "Largest `nis` that the gate passes.")
-      .def_property_readonly("residual",
-                             [](const RunLog& r) {
-                               return column_of<double>(r.outcomes,
-                                                        [](const auto& o) { return o.residual; });
                              })
       .def_property_readonly("log_likelihood",
                              [](const RunLog& r) {
@@ -287,10 +292,8 @@ void bind_replay(py::module_& m) {
   bind_health_columns(
       localize_run, [](const LocalizeRun& r) -> const auto& { return r.steps; },
       [](const LocalizeRun::Step& step) -> const auto& { return step.health; });
+  bind_outcome_columns(localize_run);
   localize_run
-      .def_property_readonly(
-          "verdict", [](const LocalizeRun& r) { return verdicts_of(r.outcomes); },
-          "Index into Verdict, one per message in order of arrival.")
       .def_property_readonly(
           "scan_verdict", [](const LocalizeRun& r) { return verdicts_of(r.scan_outcomes); },
           "Index into Verdict, one per scan.")

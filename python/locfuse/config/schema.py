@@ -917,9 +917,10 @@ class RunConfig(Strict):
             raise ValueError(
                 f"tag_conditioner conditions positions of tags, which {what}; remove it"
             )
-        if self.mcl is not None and self.mcl.poses_hz is None:
-            raise ValueError("tag_conditioner conditions what the EKF fuses, but mcl fuses "
-                             "positions itself; set mcl.poses_hz, or remove one")  # fmt: skip
+        if self.mcl is not None and self.mcl.poses_hz is None and self.mcl.switch is None:
+            raise ValueError("tag_conditioner conditions what an EKF fuses, but particles fuse "
+                             "positions themselves; set mcl.switch or mcl.poses_hz, or remove "
+                             "it")  # fmt: skip
         return self
 
     @model_validator(mode="after")

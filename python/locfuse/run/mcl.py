@@ -26,6 +26,7 @@ from locfuse.run.start import grid_of, hypotheses_of, scans_of, start_of
 from locfuse.types import (
     NANOSECONDS,
     Columns,
+    FloatArray,
     Frame,
     Health,
     Hypothesis,
@@ -52,6 +53,8 @@ class Localization:
         When it started, and the last stamp of a message or scan.
     verdict, scan_verdict : uint8 arrays, shapes (m,) and (s,)
         Indices into `Verdict`, in the order of the messages and of the log's scans.
+    residual, limit : float arrays, shape (m,)
+        Of each message, and what it was held to.
     estimate : Trajectory
         After each scan, n rows; with heading and covariance.
     ready : bool array, shape (n,)
@@ -74,6 +77,8 @@ class Localization:
     begin_ns: int
     end_ns: int
     verdict: NDArray[np.uint8]
+    residual: FloatArray
+    limit: FloatArray
     scan_verdict: NDArray[np.uint8]
     estimate: Trajectory
     ready: NDArray[np.bool_]
@@ -200,6 +205,8 @@ def localize(
             begin_ns=begin,
             end_ns=max(messages.end_ns, int(log["scans"]["stamp_ns"].max())),
             verdict=run.verdict,
+            residual=run.residual,
+            limit=run.limit,
             scan_verdict=run.scan_verdict,
             estimate=Trajectory(run.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
                                 run.covariances),
@@ -251,6 +258,8 @@ def _part(
         messages=messages,
         end_ns=until,
         verdict=localization.verdict[received],
+        residual=localization.residual[received],
+        limit=localization.limit[received],
         scan_verdict=localization.scan_verdict[seen],
     )
 

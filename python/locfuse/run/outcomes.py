@@ -49,12 +49,7 @@ def outcomes_of(
             reason[row] = f"left out: anchor {messages.anchor[row]} is likely wrong as a whole"
         else:
             reason[row] = "ambiguous: too near a landmark for a new one"
-    for row in np.flatnonzero((verdict == "implausible") & (record.limit > 0.0)):
-        off = record.residual[row]
-        what = (
-            f"jumped {off:.3g} m from the last fix," if off > 0.0 else "frozen, while the tag moved"
-        )
-        reason[row] = f"tag_conditioner: {what} more than {record.limit[row]:.3g} m"
+    _explain_conditioning(reason, verdict, record)
     late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
     reason[late] = f"older than the history of {config.history_s:g} s"
     if record.dropped_messages:
@@ -86,9 +81,21 @@ def outcomes_of_mcl(localization: Localization, log: Log) -> Outcomes:
     messages = localization.messages
     verdict = VERDICTS[localization.verdict]
     reason = _reasons(messages, verdict, log, localization.begin_ns)
+    _explain_conditioning(reason, verdict, localization)
     outcomes = _bare(messages.stamp_ns, messages.source, messages.tag, messages.anchor, verdict,
                      reason)  # fmt: skip
     return with_scans(outcomes, localization, log)
+
+
+def _explain_conditioning(
+    reason: NDArray[np.object_], verdict: NDArray[np.str_], record: _core.RunLog | Localization
+) -> None:
+    for row in np.flatnonzero((verdict == "implausible") & (record.limit > 0.0)):
+        off = record.residual[row]
+        what = (
+            f"jumped {off:.3g} m from the last fix," if off > 0.0 else "frozen, while the tag moved"
+        )
+        reason[row] = f"tag_conditioner: {what} more than {record.limit[row]:.3g} m"
 
 
 def with_switches(outcomes: Outcomes, localization: Localization) -> Outcomes:

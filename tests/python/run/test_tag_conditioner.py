@@ -13,16 +13,17 @@ import pytest
 
 from locfuse.check import check
 from locfuse.config.load import parse_config
-from locfuse.config.schema import RunConfig
+from locfuse.config.schema import RunConfig, TagConditioner
 from locfuse.io.rosbag.bag_reader import read_bag
 from locfuse.io.rosbag.bag_writer import write_bag
-from locfuse.run.capsule import make_capsule, replay_capsule
+from locfuse.run.capsule import make_capsule, read_capsule, replay_capsule
 from locfuse.run.run import load_log, run
 from locfuse.sweep.runner import run_trials
 from locfuse.types import ConfigError, Log, RunResult
 from support_adapter import Robot, assert_poses_are, later
 from support_live import arrivals, assert_same, live_of
 
+GOLDEN = Path(__file__).parents[2] / "golden"
 TAGS = {"front": [0.5, 0, 1], "left": [-0.4, 0.3, 1], "right": [-0.4, -0.3, 1]}
 BIAS = 0.5
 JUMPS, FROZEN = (60, 93), (121, 124)  # rows of positions, which come from three tags in turn
@@ -193,8 +194,7 @@ def test_fixes_of_an_antenna_pass_as_they_are() -> None:
     [
         ({"use": ["odometry"]}, "which use leaves out"),
         ({"estimator": {"kind": "landmark_slam"}}, "which landmark_slam does not fuse"),
-        ({"mcl": {}}, "set mcl.poses_hz"),
-        ({"mcl": {"switch": {}}}, "set mcl.poses_hz"),
+        ({"mcl": {}}, "set mcl.switch or mcl.poses_hz"),
         ({"tag_conditioner": {"restart_after": 3}}, "restart_after"),
         ({"tag_conditioner": {"cutoff_hz": -1}}, "cutoff_hz"),
     ],
@@ -205,6 +205,28 @@ def test_a_conditioner_without_fixes_to_condition_is_refused(
     with pytest.raises(ConfigError, match=says):
         parse_config({"tag_conditioner": {}, **changes})
     parse_config({"tag_conditioner": {}, "mcl": {"poses_hz": 5}})
+
+
+def test_fixes_are_conditioned_for_the_filter_that_may_take_over_from_particles() -> None:
+    capsule = read_capsule(GOLDEN / "mcl_switch.zip")
+    positions = {name: values.copy() for name, values in capsule.log["positions"].items()}
+    count = len(positions["stamp_ns"])
+    positions["tag"] = np.full(count, "front")
+    at = np.arange(count // 3, count // 3 + 2)
+    positions["x_m"][at] += 6.0
+    log = replace(capsule.log, tables={**capsule.log.tables, "positions": positions},
+                  tags={"front": (0.0, 0.0, 0.0)})  # fmt: skip
+    config = capsule.config.model_copy(
+        update={"tag_conditioner": TagConditioner(cutoff_hz=0.0)}
+    )
+    outcomes = run(config, log).outcomes
+    of_fixes = outcomes.source == "positions"
+    jumped = np.char.startswith(outcomes.reason[of_fixes], "tag_conditioner: jumped")
+    assert jumped[at].all()
+    assert np.mean(outcomes.verdict[of_fixes] == "fused") > 0.2
+    raw = run(config.model_copy(update={"tag_conditioner": None}), log).outcomes
+    assert not np.char.startswith(raw.reason, "tag_conditioner").any()
+    assert_same(config, log, least=0.5)
 
 
 def test_a_rigid_triangle_is_one_body() -> None:
