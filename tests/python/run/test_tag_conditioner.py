@@ -216,9 +216,7 @@ def test_fixes_are_conditioned_for_the_filter_that_may_take_over_from_particles(
     positions["x_m"][at] += 6.0
     log = replace(capsule.log, tables={**capsule.log.tables, "positions": positions},
                   tags={"front": (0.0, 0.0, 0.0)})  # fmt: skip
-    config = capsule.config.model_copy(
-        update={"tag_conditioner": TagConditioner(cutoff_hz=0.0)}
-    )
+    config = capsule.config.model_copy(update={"tag_conditioner": TagConditioner(cutoff_hz=0.0)})
     outcomes = run(config, log).outcomes
     of_fixes = outcomes.source == "positions"
     jumped = np.char.startswith(outcomes.reason[of_fixes], "tag_conditioner: jumped")

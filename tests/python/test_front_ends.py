@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every front end of scans is reached from every door, on the same path: the same poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from locfuse.config.load import load_config, parse_config
+from locfuse.config.scenario import OdometrySensor
+from locfuse.config.schema import Cylinders, Mcl, RunConfig
+from locfuse.io.rosbag.decode import decimal, decimals
+from locfuse.run.run import load_log, run
+from locfuse.types import Log
+from support_adapter import Robot, assert_poses_are, later
+from support_live import assert_same
+from support_runs import ROOT
+
+PROPOSALS = get_args(Mcl.model_fields["proposal"].annotation)
+METHODS = get_args(Cylinders.model_fields["method"].annotation)
+VELOCITIES: Mapping[str, Any] = {"output": "velocities"}
+FLOOR: Mapping[str, Any] = {
+    "path": {"shape": "roam", "speed_mps": 0.5},
+    "map": {"generate": "rooms", "seed": 2},
+    "laser": {"range_max_m": 8.0},
+    "odometry": VELOCITIES,
+    "duration_s": 10.0,
+    "anchors": {},
+    "poses": None,
+    "ranges": None,
+}
+PARTICLES: Mapping[str, Mapping[str, Any]] = {
+    **{f"proposal {name}": {"mcl": {"proposal": name, "max_particles": 1000}}
+       for name in PROPOSALS},
+    "beams": {"mcl": {"likelihood": "beams", "max_particles": 1000}},
+    "poses": {"mcl": {"poses_hz": 2.0, "max_particles": 1000}},
+    "scan_odometry": {"scan_odometry": {}},
+}  # fmt: skip
+CASES = [*PARTICLES, *(f"cylinders {name}" for name in METHODS)]
+
+
+@cache
+def driven(case: str) -> tuple[RunConfig, Log]:
+    """Return a run with a given start and its log, whose scans are of single precision, as topics'.
+
+    Velocities pass a topic as they are; of the increments of poses the last bits change.
+    """
+    if case.startswith("cylinders"):
+        made = load_config(ROOT / "examples/configs/gadau_discs.yaml")
+        assert made.simulation is not None
+        assert made.cylinders is not None
+        simulation = made.simulation.model_copy(
+            update={"duration_s": 10.0, "odometry": OdometrySensor(**VELOCITIES)}
+        )
+        cylinders = made.cylinders.model_copy(update={"method": case.split()[1]})
+        made = made.model_copy(update={"simulation": simulation, "cylinders": cylinders})
+    else:
+        made = parse_config({"simulation": dict(FLOOR), "seed": 1, **PARTICLES[case]})
+    log = load_log(made, None, made.seed)
+    x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+    ros = made.ros.model_copy(update={"estimate_at": "fused", "odometry_from": "twist"})
+    given = {"start": (x, y, float(np.degrees(heading))), "simulation": None, "ros": ros}
+    assert log.laser is not None
+    ranges = decimals(log["scans"]["ranges_m"].astype(np.float32).ravel())
+    ranges[ranges > 0.99 * log.laser["range_max_m"]] = np.nan  # which of a topic are no returns
+    scans = {**log["scans"], "ranges_m": ranges.reshape(log["scans"]["ranges_m"].shape)}
+    laser = {key: value if key == "pose_in_body" else decimal(value)
+             for key, value in log.laser.items()}  # fmt: skip
+    tables = {**log.tables, "scans": scans}
+    return made.model_copy(update=given), replace(log, tables=tables, laser=laser)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_run_and_live(case: str) -> None:
+    config, log = driven(case)
+    assert run(config, log).metrics["position_rmse_m"] < 0.3
+    assert_same(config, log, least=0.4)
+
+
+@pytest.mark.parametrize("ros", ["ros1", "ros2"])
+@pytest.mark.parametrize("case", CASES)
+def test_nodes(case: str, ros: str) -> None:
+    config, log = driven(case)
+    log = later(log)
+    robot = Robot(config, log, ros)
+    robot.learn()
+    robot.drive()
+    assert_poses_are(robot, run(config, log).estimate, least=0.4)
