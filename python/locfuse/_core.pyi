@@ -291,6 +291,7 @@ class Source(enum.Enum):
     Kind of sensor that a message comes from.
     """
 
+    ALTITUDES = ...
     LANDMARK_SIGHTINGS = ...
     ODOMETRY = ...
     POSES = ...
@@ -437,19 +438,19 @@ class PoseObservation:
 
 class Altitude:
     """
-    Height [m] of an altimeter above z = 0 of the world. With a PositionFix of the same stamp it forms a 3D fix.
+    Height [m] of an altimeter above z = 0 of the world. With a PositionFix of the same stamp it forms a 3D fix. `sigma` [m] defaults to that of the model.
     """
     def __init__(
         self,
         stamp: typing.SupportsInt | typing.SupportsIndex,
         height: typing.SupportsFloat | typing.SupportsIndex,
-        sigma: typing.SupportsFloat | typing.SupportsIndex,
+        sigma: typing.SupportsFloat | typing.SupportsIndex | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     @property
     def height(self) -> float: ...
     @property
-    def sigma(self) -> float: ...
+    def sigma(self) -> float | None: ...
     @property
     def stamp(self) -> int: ...
 
@@ -2928,6 +2929,8 @@ class PoseEkf:
     @typing.overload
     def on(self, message: PoseObservation) -> Outcome: ...
     @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
+    @typing.overload
     def on(self, message: RangeBearing) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged.
@@ -2975,7 +2978,7 @@ class PoseEkf:
 
 class AltitudeConfig:
     """
-    Mounting of the altimeter.
+    Noise and mounting of the altimeter.
     """
     def __init__(self) -> None: ...
     @property
@@ -2985,6 +2988,13 @@ class AltitudeConfig:
         """
     @altimeter_up_m.setter
     def altimeter_up_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_m(self) -> float:
+        """
+        Sigma of an altitude without a sigma of its own [m].
+        """
+    @sigma_m.setter
+    def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class AltitudeModel:
     """
@@ -4061,6 +4071,8 @@ class Initializer:
     @typing.overload
     def on(self, message: RangeBearing) -> None: ...
     @typing.overload
+    def on(self, message: Altitude) -> None: ...
+    @typing.overload
     def on(self, message: LaserScan) -> None:
         """
         Processes one message.
@@ -4559,7 +4571,7 @@ class Health:
         """
     def record(
         self,
-        message: Range | PositionFix | PoseObservation | RangeBearing,
+        message: Range | PositionFix | PoseObservation | RangeBearing | Altitude,
         outcome: Outcome,
         gate: Gate,
     ) -> None:
@@ -4722,6 +4734,8 @@ class RecoveringEkf:
     def on(self, message: PoseObservation) -> Outcome: ...
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
@@ -5100,6 +5114,8 @@ class Mcl:
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome: ...
     @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
+    @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
         Processes one message.
@@ -5353,6 +5369,8 @@ class SwitchingMcl:
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome: ...
     @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
+    @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
         Processes one message. Ranges and fixes go to the UWB filter, all others weight particles.
@@ -5405,6 +5423,16 @@ class MessageLog:
     """
     def __init__(self) -> None: ...
     def __len__(self) -> int: ...
+    def add_altitudes(
+        self,
+        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
+        height: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        sigma: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+    ) -> None:
+        """
+        Heights (n,) [m] of an altimeter above z = 0 of the world.
+        """
     def add_increments(
         self,
         begin_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
@@ -5456,9 +5484,11 @@ class MessageLog:
         sigma_range: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
         sigma_bearing: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+        elevation: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        sigma_elevation: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
     ) -> None:
         """
-        Landmark observations: id (-1: unknown), range [m] and bearing [rad] (NaN: not measured), with their sigmas.
+        Landmark observations: id (-1: unknown), range [m], bearing and, from a body that flies, elevation [rad] (NaN: not measured), with their sigmas.
         """
     def add_velocities(
         self,
@@ -5810,7 +5840,14 @@ class Live:
         """
     @typing.overload
     def on(
-        self, message: Velocity | Increment | Range | PositionFix | PoseObservation | RangeBearing
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude,
     ) -> Outcome:
         """
         Processes a message and returns its Outcome.

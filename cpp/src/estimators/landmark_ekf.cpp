@@ -134,6 +134,9 @@ Outcome LandmarkEkf::on(const Message& message) {
         if constexpr (std::is_same_v<M, Range> || std::is_same_v<M, PoseObservation>) {
           validate(m);
           return {Verdict::kIgnored};
+        } else if constexpr (std::is_same_v<M, Altitude>) {
+          validate(m);
+          return {Verdict::kNotModelled};
         } else {
           return on(m);
         }

@@ -438,6 +438,11 @@ Outcome Mcl::on(const PositionFix& z) { return weigh_by(recipe_->position, z); }
 
 Outcome Mcl::on(const PoseObservation& z) { return weigh_by(recipe_->pose, z); }
 
+Outcome Mcl::on(const Altitude& z) {
+  validate(z);
+  return {Verdict::kNotModelled};
+}
+
 PoseEstimate Mcl::estimate() const {
   const PoseEstimate here = believed();
   const HealthReport report = report_of(here);

@@ -419,6 +419,9 @@ Outcome TagTriangleEkf::on(const Message& message) {
         if constexpr (std::is_same_v<M, PoseObservation> || std::is_same_v<M, RangeBearing>) {
           validate(m);
           return {Verdict::kIgnored};
+        } else if constexpr (std::is_same_v<M, Altitude>) {
+          validate(m);
+          return {Verdict::kNotModelled};
         } else {
           return on(m);
         }

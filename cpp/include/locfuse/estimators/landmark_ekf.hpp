@@ -76,7 +76,7 @@ class LandmarkEkf {
   Outcome on(const PositionFix& z);
   /// One sighting by itself; without a name it is of the nearest landmark.
   Outcome on(const RangeBearing& z);
-  /// Ranges and poses are kIgnored.
+  /// Ranges and poses are kIgnored, altitudes kNotModelled.
   Outcome on(const Message& message);
 
   /// Sightings of one instant. Those that landmarks explain are fused first; the others are then of

@@ -64,6 +64,8 @@ class Mcl {
   Outcome on(const PoseObservation& z);
   /// An unnamed one weighs each particle by the landmark that fits it best.
   Outcome on(const RangeBearing& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
 
   /// The likeliest cluster, carried to where odometry ends; while it is lost with a covariance that
   /// says so, Health::doubted.

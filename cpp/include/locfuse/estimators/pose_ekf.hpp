@@ -80,6 +80,8 @@ class PoseEkf {
   Outcome on(const PoseObservation& z);
   /// One without a name is of the nearest landmark; kNotModelled if there is no landmark.
   Outcome on(const RangeBearing& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
   Outcome on(const Message& message);
 
   /// What `on` would compare, but fuses nothing: kGated in place of kFused.

@@ -63,6 +63,8 @@ class SwitchingMcl {
   Outcome on(const LaserScan& z);
   Outcome on(const PoseObservation& z);
   Outcome on(const RangeBearing& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
 
   /// Estimate of the particles, carried to where odometry ends.
   [[nodiscard]] PoseEstimate estimate() const { return mcl_.estimate(); }

@@ -77,7 +77,7 @@ class TagTriangleEkf {
   Outcome on(const Increment& u);
   /// Of a tag to an anchor.
   Outcome on(const Range& z);
-  /// Poses and sightings are kIgnored.
+  /// Poses and sightings are kIgnored, altitudes kNotModelled.
   Outcome on(const Message& message);
 
   /// What `on` would compare, but fuses nothing: kGated in place of kFused.
