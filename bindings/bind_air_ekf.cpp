@@ -15,8 +15,10 @@ namespace {
 
 void bind_air_models(py::module_& m) {
   using AltitudeConfig = AltitudeModel::Config;
-  py::class_<AltitudeConfig>(m, "AltitudeConfig", "Mounting of the altimeter.")
+  py::class_<AltitudeConfig>(m, "AltitudeConfig", "Noise and mounting of the altimeter.")
       .def(py::init<>())
+      .def_readwrite("sigma_m", &AltitudeConfig::sigma_m,
+                     "Sigma of an altitude without a sigma of its own [m].")
       .def_readwrite("altimeter_up_m", &AltitudeConfig::altimeter_up_m,
                      "Height of the altimeter above the body's origin [m].");
   py::class_<AltitudeModel>(m, "AltitudeModel", "Altimeter height; docs/air.md.")

@@ -217,6 +217,7 @@ Examples
       .def("on", py::overload_cast<const locfuse::PositionFix&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::PoseObservation&>(&PoseEkf::on),
            py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Altitude&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&PoseEkf::on), py::arg("message"),
            "Fuses one message; a message that is not fused leaves the estimator unchanged.")
       .def("on_joint", py::overload_cast<const std::vector<Range>&>(&PoseEkf::on_joint),

@@ -18,7 +18,7 @@ using locfuse::SourceStatus;
 namespace {
 
 using Measurement = std::variant<locfuse::Range, locfuse::PositionFix, locfuse::PoseObservation,
-                                 locfuse::RangeBearing>;
+                                 locfuse::RangeBearing, locfuse::Altitude>;
 
 void bind_enums(py::module_& m) {
   py::native_enum<HealthState>(m, "HealthState", "enum.Enum", "Trust in an estimate.")

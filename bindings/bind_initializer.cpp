@@ -100,6 +100,7 @@ Examples
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&Initializer::on),
            py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Altitude&>(&Initializer::on), py::arg("message"))
       .def("on", unlocked_on<Initializer, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message.")
       .def("state", &Initializer::state)

@@ -173,6 +173,7 @@ False
       .def("on", unlocked_on<Mcl, locfuse::PositionFix>(), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::PoseObservation>(), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::RangeBearing>(), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Altitude&>(&Mcl::on), py::arg("message"))
       .def("on", unlocked_on<Mcl, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message.")
       .def("overall_estimate", &Mcl::overall_estimate,

@@ -202,7 +202,8 @@ may replay it at once.
              const Column<double>& range, const Column<double>& bearing,
              const std::optional<Column<double>>& sigma_range,
              const std::optional<Column<double>>& sigma_bearing,
-             const std::optional<Stamps>& arrival) {
+             const std::optional<Stamps>& arrival, const std::optional<Column<double>>& elevation,
+             const std::optional<Column<double>>& sigma_elevation) {
             const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
             const Column<Id> landmark = checked_ids("landmark", landmarks);
             expect_shape("landmark", landmark, stamp.size());
@@ -216,11 +217,19 @@ may replay it at once.
               expect_shape("sigma_range", *sigma_range, stamp.size());
               expect_shape("sigma_bearing", *sigma_bearing, stamp.size());
             }
+            for (const auto& [name, column] : {std::pair("elevation", &elevation),
+                                               std::pair("sigma_elevation", &sigma_elevation)}) {
+              if (*column) {
+                expect_shape(name, **column, stamp.size());
+              }
+            }
             const double* sr = sigma_range ? sigma_range->data() : nullptr;
             const double* sb = sigma_bearing ? sigma_bearing->data() : nullptr;
+            const double* e = elevation ? elevation->data() : nullptr;
+            const double* se = sigma_elevation ? sigma_elevation->data() : nullptr;
             add_rows(log, stamp, arrival,
                      [t = stamp.data(), l = landmark.data(), r = range.data(), b = bearing.data(),
-                      sr, sb](py::ssize_t i) -> Message {
+                      sr, sb, e, se](py::ssize_t i) -> Message {
                        locfuse::RangeBearing z{t[i], {}, {}, {}, {}};
                        if (l[i] >= 0) {
                          z.landmark = l[i];
@@ -237,13 +246,39 @@ may replay it at once.
                              checked_sigma("RangeBearing.sigma_bearing [rad]", sb[i]));
                          z.covariance = locfuse::Matrix<2, 2>(sigma.cwiseAbs2().asDiagonal());
                        }
+                       if (e != nullptr && !std::isnan(e[i])) {
+                         z.elevation = e[i];
+                         if (se != nullptr) {
+                           z.sigma_elevation = se[i];
+                         }
+                       }
                        return z;
                      });
           },
           py::arg("stamp_ns"), py::arg("landmark"), py::arg("range"), py::arg("bearing"),
           py::arg("sigma_range") = py::none(), py::arg("sigma_bearing") = py::none(), no_arrival,
-          "Landmark observations: id (-1: unknown), range [m] and bearing [rad] (NaN: not "
-          "measured), with their sigmas.")
+          py::arg("elevation") = py::none(), py::arg("sigma_elevation") = py::none(),
+          "Landmark observations: id (-1: unknown), range [m], bearing and, from a body that "
+          "flies, "
+          "elevation [rad] (NaN: not measured), with their sigmas.")
+      .def(
+          "add_altitudes",
+          [](SharedLog& log, const Stamps& stamps, const Column<double>& height,
+             const std::optional<Column<double>>& sigma, const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
+            expect_shape("height", height, stamp.size());
+            if (sigma) {
+              expect_shape("sigma", *sigma, stamp.size());
+            }
+            const double* s = sigma ? sigma->data() : nullptr;
+            add_rows(log, stamp, arrival,
+                     [t = stamp.data(), h = height.data(), s](py::ssize_t i) -> Message {
+                       return locfuse::Altitude{t[i], h[i],
+                                                s != nullptr ? std::optional(s[i]) : std::nullopt};
+                     });
+          },
+          py::arg("stamp_ns"), py::arg("height"), py::arg("sigma") = py::none(), no_arrival,
+          "Heights (n,) [m] of an altimeter above z = 0 of the world.")
       .def(
           "sort",
           [](SharedLog& log) {

@@ -110,6 +110,7 @@ void bind_messages(py::module_& m) {
       .value("POSES", Source::kPoses)
       .value("LANDMARK_SIGHTINGS", Source::kSightings)
       .value("SCANS", Source::kScans)
+      .value("ALTITUDES", Source::kAltitudes)
       .finalize();
   py::class_<Velocity>(m, "Velocity",
                        "Wheel odometry as body velocities, constant from `stamp` [ns] until the "
@@ -225,20 +226,24 @@ void bind_messages(py::module_& m) {
              << ", " << z.pose.heading << "))";
         return text.str();
       });
-  py::class_<Altitude>(m, "Altitude",
-                       "Height [m] of an altimeter above z = 0 of the world. With a PositionFix of "
-                       "the same stamp it forms a 3D fix.")
-      .def(py::init([](Stamp stamp, double height, double sigma) {
+  py::class_<Altitude>(
+      m, "Altitude",
+      "Height [m] of an altimeter above z = 0 of the world. With a PositionFix of "
+      "the same stamp it forms a 3D fix. `sigma` [m] defaults to that of the model.")
+      .def(py::init([](Stamp stamp, double height, std::optional<double> sigma) {
              return checked(Altitude{stamp, height, sigma});
            }),
-           py::arg("stamp"), py::arg("height"), py::arg("sigma"))
+           py::arg("stamp"), py::arg("height"), py::arg("sigma") = py::none())
       .def_readonly("stamp", &Altitude::stamp)
       .def_readonly("height", &Altitude::height)
       .def_readonly("sigma", &Altitude::sigma)
       .def("__repr__", [](const Altitude& z) {
         std::ostringstream text;
-        text << "Altitude(stamp=" << z.stamp << ", height=" << z.height << ", sigma=" << z.sigma
-             << ")";
+        text << "Altitude(stamp=" << z.stamp << ", height=" << z.height;
+        if (z.sigma) {
+          text << ", sigma=" << *z.sigma;
+        }
+        text << ")";
         return text.str();
       });
   py::class_<RangeBearing>(

@@ -93,6 +93,8 @@ True
            py::arg("message"))
       .def("on", py::overload_cast<const locfuse::RangeBearing&>(&RecoveringEkf::on),
            py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Altitude&>(&RecoveringEkf::on),
+           py::arg("message"))
       .def("on", unlocked_on<RecoveringEkf, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message. Its outcome is IGNORED until tracking starts.")
       .def("on_joint", &RecoveringEkf::on_joint, py::arg("sightings"),

@@ -102,6 +102,7 @@ Examples
            py::arg("message"))
       .def("on", unlocked_on<SwitchingMcl, locfuse::PoseObservation>(), py::arg("message"))
       .def("on", unlocked_on<SwitchingMcl, locfuse::RangeBearing>(), py::arg("message"))
+      .def("on", py::overload_cast<const locfuse::Altitude&>(&SwitchingMcl::on), py::arg("message"))
       .def("on", unlocked_on<SwitchingMcl, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message. Ranges and fixes go to the UWB filter, all others weight "
            "particles.")

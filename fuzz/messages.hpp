@@ -100,7 +100,10 @@ template <class Io>
 void code(Io& io, Altitude& m, Stamp& now) {
   code(io, m.stamp, now);
   code(io, m.height, -10.0, 30.0);
-  code(io, m.sigma, 1e-3, 10.0);
+  constexpr double kNone = 9.9;  // from here on
+  double sigma = m.sigma.value_or(10.0);
+  code(io, sigma, 1e-3, 10.0);
+  m.sigma = sigma >= kNone ? std::nullopt : std::optional(sigma);
 }
 template <class Io>
 void code(Io& io, RangeBearing& m, Stamp& now) {
@@ -153,8 +156,14 @@ template <std::size_t... I>
 template <class Io>
 void code(Io& io, Message& message, Stamp& now) {
   constexpr std::size_t kKinds = std::variant_size_v<Message>;
-  auto kind = static_cast<std::uint8_t>(message.index());
-  code(io, kind, static_cast<int>(kKinds));
+  // Those that came later have bytes of their own, so that older inputs mean what they meant.
+  constexpr std::size_t kFirst = 6;
+  constexpr std::size_t kLater = 250;
+  const std::size_t index = message.index();
+  auto byte = static_cast<std::uint8_t>(index < kFirst ? index : index - kFirst + kLater);
+  io.raw(&byte, 1);
+  const std::size_t later = byte - kLater + kFirst;  // huge below kLater
+  const std::size_t kind = byte >= kLater && later < kKinds ? later : byte % kFirst;
   if (kind != message.index()) {
     message = message_of(kind, std::make_index_sequence<kKinds>());
   }

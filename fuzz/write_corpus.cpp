@@ -339,6 +339,32 @@ void write_flights(const std::filesystem::path& folder) {
   }
 }
 
+/// The same in a Timeline, late: altitudes and elevations among ranges.
+void write_late_flights(const std::filesystem::path& folder) {
+  for (const bool by_itself : {false, true}) {
+    Messages messages;
+    const testing::Flight flight =
+        testing::fly(2, 2.1, by_itself ? testing::by_itself : testing::by_odometry);
+    for (const auto& message : flight.messages) {
+      if (const auto* const driven = std::get_if<testing::Driven>(&message)) {
+        messages.emplace_back(driven->motion);
+      } else if (const auto* const range = std::get_if<Range>(&message)) {
+        messages.emplace_back(*range);
+      } else if (const auto* const sighting = std::get_if<RangeBearing>(&message)) {
+        messages.emplace_back(*sighting);
+      } else {
+        messages.emplace_back(std::get<Altitude>(message));
+      }
+    }
+    const std::uint8_t kind = by_itself ? 3 : 2;
+    Input input(folder / "trackers" / ("flight" + std::to_string(kind)));
+    input.choice(kind).message(Stamp{2'000'000'000}).part(TimelineOptions{});
+    for (const Message& message : late(messages)) {
+      input.message(message);
+    }
+  }
+}
+
 void write_ranges(const std::filesystem::path& folder) {
   const std::vector<Anchor> anchors = testing::corners();
   const Vector<3> place(2.0, -1.0, 1.0);
@@ -400,6 +426,7 @@ int main(int argc, char** argv) {
   locfuse::fuzz::write_estimators(argv[1]);
   locfuse::fuzz::write_scans(argv[1]);
   locfuse::fuzz::write_flights(argv[1]);
+  locfuse::fuzz::write_late_flights(argv[1]);
   locfuse::fuzz::write_gyro_odometry(argv[1]);
   locfuse::fuzz::write_health(argv[1]);
   locfuse::fuzz::write_ranges(argv[1]);

@@ -71,7 +71,6 @@ __all__: list[str] = [
     "Limits",
     "Linearization",
     "Live",
-    "LiveMcl",
     "LocalMap",
     "LocalMapConfig",
     "LocalizeRun",
@@ -292,6 +291,7 @@ class Source(enum.Enum):
     Kind of sensor that a message comes from.
     """
 
+    ALTITUDES = ...
     LANDMARK_SIGHTINGS = ...
     ODOMETRY = ...
     POSES = ...
@@ -438,19 +438,19 @@ class PoseObservation:
 
 class Altitude:
     """
-    Height [m] of an altimeter above z = 0 of the world. With a PositionFix of the same stamp it forms a 3D fix.
+    Height [m] of an altimeter above z = 0 of the world. With a PositionFix of the same stamp it forms a 3D fix. `sigma` [m] defaults to that of the model.
     """
     def __init__(
         self,
         stamp: typing.SupportsInt | typing.SupportsIndex,
         height: typing.SupportsFloat | typing.SupportsIndex,
-        sigma: typing.SupportsFloat | typing.SupportsIndex,
+        sigma: typing.SupportsFloat | typing.SupportsIndex | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     @property
     def height(self) -> float: ...
     @property
-    def sigma(self) -> float: ...
+    def sigma(self) -> float | None: ...
     @property
     def stamp(self) -> int: ...
 
@@ -2929,6 +2929,8 @@ class PoseEkf:
     @typing.overload
     def on(self, message: PoseObservation) -> Outcome: ...
     @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
+    @typing.overload
     def on(self, message: RangeBearing) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged.
@@ -2976,7 +2978,7 @@ class PoseEkf:
 
 class AltitudeConfig:
     """
-    Mounting of the altimeter.
+    Noise and mounting of the altimeter.
     """
     def __init__(self) -> None: ...
     @property
@@ -2986,6 +2988,13 @@ class AltitudeConfig:
         """
     @altimeter_up_m.setter
     def altimeter_up_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_m(self) -> float:
+        """
+        Sigma of an altitude without a sigma of its own [m].
+        """
+    @sigma_m.setter
+    def sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
 
 class AltitudeModel:
     """
@@ -4062,6 +4071,8 @@ class Initializer:
     @typing.overload
     def on(self, message: RangeBearing) -> None: ...
     @typing.overload
+    def on(self, message: Altitude) -> None: ...
+    @typing.overload
     def on(self, message: LaserScan) -> None:
         """
         Processes one message.
@@ -4560,7 +4571,7 @@ class Health:
         """
     def record(
         self,
-        message: Range | PositionFix | PoseObservation | RangeBearing,
+        message: Range | PositionFix | PoseObservation | RangeBearing | Altitude,
         outcome: Outcome,
         gate: Gate,
     ) -> None:
@@ -4723,6 +4734,8 @@ class RecoveringEkf:
     def on(self, message: PoseObservation) -> Outcome: ...
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
@@ -5101,6 +5114,8 @@ class Mcl:
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome: ...
     @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
+    @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
         Processes one message.
@@ -5163,7 +5178,7 @@ class Mcl:
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        One SourceStatus per source that weights particles.
+        One SourceStatus per source.
         """
     @property
     def used_share(self) -> float:
@@ -5335,11 +5350,11 @@ class SwitchingMcl:
     def __repr__(self) -> str: ...
     def estimate(self) -> PoseEstimate:
         """
-        PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.
+        PoseEstimate of the particles, propagated to the end of the latest odometry.
         """
     def health(self) -> HealthReport:
         """
-        HealthReport of the estimate; docs/health.md.
+        HealthReport of that estimate from the measurements that weighted particles.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -5353,6 +5368,8 @@ class SwitchingMcl:
     def on(self, message: PoseObservation) -> Outcome: ...
     @typing.overload
     def on(self, message: RangeBearing) -> Outcome: ...
+    @typing.overload
+    def on(self, message: Altitude) -> Outcome: ...
     @typing.overload
     def on(self, message: LaserScan) -> Outcome:
         """
@@ -5374,14 +5391,9 @@ class SwitchingMcl:
         Copy of the Mcl.
         """
     @property
-    def particles(self) -> numpy.typing.NDArray[numpy.float64]:
-        """
-        float64 (n, 4): x, y [m], heading [rad] in world, weight.
-        """
-    @property
     def ready(self) -> bool:
         """
-        Whether one cluster is almost certain.
+        Whether one cluster of particles is almost certain.
         """
     @property
     def sources(self) -> list[SourceStatus]:
@@ -5411,6 +5423,16 @@ class MessageLog:
     """
     def __init__(self) -> None: ...
     def __len__(self) -> int: ...
+    def add_altitudes(
+        self,
+        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
+        height: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        sigma: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+    ) -> None:
+        """
+        Heights (n,) [m] of an altimeter above z = 0 of the world.
+        """
     def add_increments(
         self,
         begin_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
@@ -5462,9 +5484,11 @@ class MessageLog:
         sigma_range: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
         sigma_bearing: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+        elevation: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        sigma_elevation: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
     ) -> None:
         """
-        Landmark observations: id (-1: unknown), range [m] and bearing [rad] (NaN: not measured), with their sigmas.
+        Landmark observations: id (-1: unknown), range [m], bearing and, from a body that flies, elevation [rad] (NaN: not measured), with their sigmas.
         """
     def add_velocities(
         self,
@@ -5487,269 +5511,6 @@ class ClockJump(enum.Enum):
     CONTINUE = ...
     REFUSE = ...
     RESET = ...
-
-class LiveMcl:
-    """
-    Mcl fed with live messages and scans as they arrive.
-
-    They wait until odometry has come that far, at most 0.25 s or as late as scans have been; what is
-    later still is fused at its stamp, to the same bits as if it had been in time.
-
-    Parameters
-    ----------
-    mcl : Mcl or SwitchingMcl
-        Copied.
-    history : int
-        Maximum delay of a message [ns]; older ones are STALE.
-    clock_jump : ClockJump
-        Reaction to a backward jump of the message clock.
-    max_messages : int
-        Maximum number of messages kept for reordering, at least 512.
-
-    Raises
-    ------
-    ValueError
-        If an option is out of range.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from locfuse.core import *
-    >>> cells = np.zeros((40, 40), dtype=np.int8)
-    >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
-    >>> live = LiveMcl(Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05)))
-    >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
-    >>> live.on(Velocity(0, 0.0, 0.0)), live.on(LaserScan(0, around, [0.9, 0.9, 0.9, 0.9]))
-    ([], [])
-    >>> [estimate.stamp for estimate in live.on(Velocity(10**8, 0.0, 0.0))]
-    [0]
-    """
-    @typing.overload
-    def __init__(
-        self,
-        mcl: Mcl,
-        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
-        clock_jump: ClockJump = ...,
-        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
-    ) -> None: ...
-    @typing.overload
-    def __init__(
-        self,
-        mcl: SwitchingMcl,
-        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
-        clock_jump: ClockJump = ...,
-        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
-    ) -> None: ...
-    def __repr__(self) -> str: ...
-    def estimate(self) -> PoseEstimate:
-        """
-        PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.
-        """
-    def finish(self) -> list[PoseEstimate]:
-        """
-        Uses all messages that wait, and returns as `on` does.
-        """
-    def go_on_from(self, before: LiveMcl) -> list[PoseEstimate]:
-        """
-        Takes the messages that wait in another, whose pose this one has; returns as `on` does.
-        """
-    def health(self) -> HealthReport:
-        """
-        HealthReport of the estimate; docs/health.md.
-        """
-    def on(
-        self,
-        message: Velocity
-        | Increment
-        | Range
-        | PositionFix
-        | PoseObservation
-        | RangeBearing
-        | LaserScan,
-    ) -> list[PoseEstimate]:
-        """
-        Takes a message or a scan; returns a PoseEstimate for each scan whose turn it is now.
-
-        Raises
-        ------
-        ValueError
-            If the message is not valid; it is discarded.
-        """
-    @property
-    def dropped_messages(self) -> int:
-        """
-        Messages inside the history that were dropped because there were too many.
-        """
-    @property
-    def hypotheses(self) -> list[PoseHypothesis]:
-        """
-        Clusters of particles as a list of PoseHypothesis, likeliest first.
-        """
-    @property
-    def injections(self) -> list[Injection]:
-        """
-        List of Injection, one per takeover by UWB.
-        """
-    @property
-    def jumps(self) -> int:
-        """
-        Number of backward clock jumps handled by RESET or CONTINUE.
-        """
-    @property
-    def particles(self) -> numpy.typing.NDArray[numpy.float64]:
-        """
-        float64 (n, 4): x, y [m], heading [rad] in world, weight.
-        """
-    @property
-    def ready(self) -> bool:
-        """
-        Whether one cluster is almost certain.
-        """
-    @property
-    def sources(self) -> list[SourceStatus]:
-        """
-        One SourceStatus per source that weights particles.
-        """
-
-class Live:
-    """
-    RecoveringEkf fed with live messages in order of arrival.
-
-    It searches until a single hypothesis remains; from then on late messages are fused at their stamp.
-    A log fed in order of arrival gives the estimates of `find_start` and `replay` bit for bit, if no
-    message was later than `patience` during the search.
-
-    Parameters
-    ----------
-    estimator : RecoveringEkf
-        If it has started, tracking begins at once.
-    history : int
-        Maximum delay of a message while tracking [ns].
-    clock_jump : ClockJump
-        Reaction to a backward jump of the message clock.
-    max_messages : int
-        Maximum number of messages kept for reordering, at least 512.
-    patience : int
-        Maximum delay of a message while searching [ns].
-
-    Raises
-    ------
-    ValueError
-        If an option is out of range.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from locfuse import *
-    >>> live = Live(RecoveringEkf(RecoveringEkfConfig()))
-    >>> live.start_at(PoseEstimate(0, Pose2(1, 2, 0), 0.01 * np.eye(3)))
-    >>> live.on(PositionFix(0, [1.05, 2.0], 0.01 * np.eye(2))).verdict.name
-    'FUSED'
-    >>> live.current().stamp
-    0
-    """
-    def __init__(
-        self,
-        estimator: RecoveringEkf,
-        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
-        clock_jump: ClockJump = ...,
-        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
-        patience: typing.SupportsInt | typing.SupportsIndex = 250000000,
-    ) -> None: ...
-    def __repr__(self) -> str: ...
-    def current(self) -> PoseEstimate:
-        """
-        PoseEstimate at the stamp of the last message. Raises RuntimeError while searching.
-        """
-    def current_in_space(self) -> AirEstimate | None:
-        """
-        AirEstimate at the stamp of the last message, or None of a filter in the plane. Raises RuntimeError while searching.
-        """
-    def enable(self, source: Source, enabled: bool) -> None:
-        """
-        Enables or disables a Source; messages of a disabled source are IGNORED.
-        """
-    def estimate(self) -> PoseEstimate:
-        """
-        PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while searching.
-        """
-    def estimate_in_space(self) -> AirEstimate | None:
-        """
-        The same propagated to the end of the latest odometry.
-        """
-    def health(self) -> HealthReport:
-        """
-        HealthReport of the estimate.
-        """
-    def on(
-        self,
-        message: Velocity
-        | Increment
-        | Range
-        | PositionFix
-        | PoseObservation
-        | RangeBearing
-        | LaserScan,
-    ) -> Outcome:
-        """
-        Processes a message and returns its Outcome.
-
-        IGNORED while searching, from a disabled source and of a scan, which only the search uses; STALE if
-        too late.
-
-        Raises
-        ------
-        ValueError
-            If the message is not valid; it is discarded.
-        """
-    def relocalize(self) -> None:
-        """
-        Discards the pose and searches again.
-        """
-    def reset(self) -> None:
-        """
-        Restores the state after construction.
-        """
-    def search(self) -> StartState:
-        """
-        Progress of the search with its hypotheses.
-        """
-    def start_at(self, start: PoseEstimate) -> None:
-        """
-        Discards the current state and tracks from a PoseEstimate.
-        """
-    @property
-    def dropped_messages(self) -> int:
-        """
-        Messages inside the history that were dropped because there were too many.
-        """
-    @property
-    def errors(self) -> list[CalibratedError]:
-        """
-        A CalibratedError for each error that is a state of a PoseEkf.
-        """
-    @property
-    def is_tracking(self) -> bool: ...
-    @property
-    def jumps(self) -> int:
-        """
-        Number of backward clock jumps handled by RESET or CONTINUE.
-        """
-    @property
-    def landmarks(self) -> list[LandmarkEstimate]:
-        """
-        The map of a LandmarkEkf: one LandmarkEstimate per landmark.
-        """
-    @property
-    def restarts(self) -> int:
-        """
-        Number of relocalizations after being lost.
-        """
-    @property
-    def sources(self) -> list[SourceStatus]:
-        """
-        One SourceStatus per source.
-        """
 
 class RunLog:
     """
@@ -6002,6 +5763,151 @@ class LocalizeRun:
         Probability that the pose is wrong, (k,).
         """
 
+class Live:
+    """
+    RecoveringEkf fed with live messages in order of arrival.
+
+    It searches until a single hypothesis remains; from then on late messages are fused at their stamp.
+    A log fed in order of arrival gives the estimates of `find_start` and `replay` bit for bit, if no
+    message was later than `patience` during the search.
+
+    Parameters
+    ----------
+    estimator : RecoveringEkf
+        If it has started, tracking begins at once.
+    history : int
+        Maximum delay of a message while tracking [ns].
+    clock_jump : ClockJump
+        Reaction to a backward jump of the message clock.
+    max_messages : int
+        Maximum number of messages kept for reordering, at least 512.
+    patience : int
+        Maximum delay of a message while searching [ns].
+
+    Raises
+    ------
+    ValueError
+        If an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> live = Live(RecoveringEkf(RecoveringEkfConfig()))
+    >>> live.start_at(PoseEstimate(0, Pose2(1, 2, 0), 0.01 * np.eye(3)))
+    >>> live.on(PositionFix(0, [1.05, 2.0], 0.01 * np.eye(2))).verdict.name
+    'FUSED'
+    >>> live.current().stamp
+    0
+    """
+    def __init__(
+        self,
+        estimator: RecoveringEkf,
+        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
+        clock_jump: ClockJump = ...,
+        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+        patience: typing.SupportsInt | typing.SupportsIndex = 250000000,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def current(self) -> PoseEstimate:
+        """
+        PoseEstimate at the stamp of the last message. Raises RuntimeError while searching.
+        """
+    def current_in_space(self) -> AirEstimate | None:
+        """
+        AirEstimate at the stamp of the last message, or None of a filter in the plane. Raises RuntimeError while searching.
+        """
+    def enable(self, source: Source, enabled: bool) -> None:
+        """
+        Enables or disables a Source; messages of a disabled source are IGNORED.
+        """
+    def estimate(self) -> PoseEstimate:
+        """
+        PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while searching.
+        """
+    def estimate_in_space(self) -> AirEstimate | None:
+        """
+        The same propagated to the end of the latest odometry.
+        """
+    def health(self) -> HealthReport:
+        """
+        HealthReport of the estimate.
+        """
+    @typing.overload
+    def on(self, scan: LaserScan) -> None:
+        """
+        Processes a scan, which is used only while searching.
+        """
+    @typing.overload
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude,
+    ) -> Outcome:
+        """
+        Processes a message and returns its Outcome.
+
+        IGNORED while searching or from a disabled source, STALE if too late.
+
+        Raises
+        ------
+        ValueError
+            If the message is not valid; it is discarded.
+        """
+    def relocalize(self) -> None:
+        """
+        Discards the pose and searches again.
+        """
+    def reset(self) -> None:
+        """
+        Restores the state after construction.
+        """
+    def search(self) -> StartState:
+        """
+        Progress of the search with its hypotheses.
+        """
+    def start_at(self, start: PoseEstimate) -> None:
+        """
+        Discards the current state and tracks from a PoseEstimate.
+        """
+    @property
+    def dropped_messages(self) -> int:
+        """
+        Messages inside the history that were dropped because there were too many.
+        """
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        A CalibratedError for each error that is a state of a PoseEkf.
+        """
+    @property
+    def is_tracking(self) -> bool: ...
+    @property
+    def jumps(self) -> int:
+        """
+        Number of backward clock jumps handled by RESET or CONTINUE.
+        """
+    @property
+    def landmarks(self) -> list[LandmarkEstimate]:
+        """
+        The map of a LandmarkEkf: one LandmarkEstimate per landmark.
+        """
+    @property
+    def restarts(self) -> int:
+        """
+        Number of relocalizations after being lost.
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        One SourceStatus per source.
+        """
+
 def arc(
     forward: typing.SupportsFloat | typing.SupportsIndex,
     left: typing.SupportsFloat | typing.SupportsIndex,
@@ -6111,33 +6017,34 @@ def local(
     Error state (3,) from `origin` to `to` [m, m, rad], heading wrapped.
     """
 
+@typing.overload
 def localize(
-    mcl: LiveMcl,
+    mcl: Mcl,
     log: MessageLog,
     scans: collections.abc.Sequence[LaserScan],
-    scan_arrivals: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex] = [],
+    progress: collections.abc.Callable[[int, collections.abc.Callable[[], LocalizeRun]], None]
+    | None = None,
+) -> LocalizeRun: ...
+@typing.overload
+def localize(
+    mcl: SwitchingMcl,
+    log: MessageLog,
+    scans: collections.abc.Sequence[LaserScan],
     progress: collections.abc.Callable[[int, collections.abc.Callable[[], LocalizeRun]], None]
     | None = None,
 ) -> LocalizeRun:
     """
-    Feeds a log and scans to an Mcl in order of arrival, as they would come live.
+    Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
 
     Parameters
     ----------
-    mcl : LiveMcl
+    mcl : Mcl or SwitchingMcl
     log : MessageLog
     scans : list of LaserScan
-    scan_arrivals : list of int
-        When each scan arrives [ns]; if empty at its stamp.
     progress : callable, optional
         Called after each scan with the number of messages and scans processed and a function that
         returns a copy of the run during the call; it may read `mcl`. Items not processed yet have the
         verdict IGNORED.
-
-    Raises
-    ------
-    ValueError
-        If there are other than 0 or as many arrivals as scans.
     """
 
 def locate(

@@ -282,10 +282,9 @@ class Log:
     Attributes
     ----------
     tables : mapping of file stem to columns
-        Stems and column names are those of the log folder (docs/log_format.md): ``odometry``,
-        ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``scans``, ``truth``,
-        ``relations``, ``anchors``, ``landmarks``. ``stamp_s`` is held as ``stamp_ns`` (int64), as
-        are ``arrival_s``, ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
+        Stems and column names are those of the log folder (docs/log_format.md), as ``odometry``,
+        ``ranges`` or ``truth``. ``stamp_s`` is held as ``stamp_ns`` (int64), as are ``arrival_s``,
+        ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
         str; the beams of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there
         was no return, and perhaps ``intensities`` of the same shape, NaN where none is known;
         where scans differ, ``beams`` of a row count, and its ``angle_min_rad`` and
@@ -344,8 +343,8 @@ class Outcomes:
     ----------
     stamp_ns : int64 array, shape (n,)
     source : array of str, shape (n,)
-        ``odometry``, ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``scans``, or
-        ``switch`` where UWB took over from scans.
+        ``odometry``, ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``altitudes``,
+        ``scans``, or ``switch`` where UWB took over from scans.
     tag, anchor : arrays of str, shape (n,)
         Names for ranges; for sightings the landmark's stands in `anchor`; else empty strings.
     verdict : array of str, shape (n,)

@@ -96,4 +96,7 @@ def assert_poses_are(robot: Robot, estimate: Trajectory, least: float) -> None:
         x, y, heading = pose_of(last[int(estimate.stamp_ns[row])])
         assert [x, y] == pytest.approx(estimate.position[row].tolist(), abs=1e-9)
         assert heading == pytest.approx(estimate.heading[row], abs=1e-9)
+        z = last[int(estimate.stamp_ns[row])]["pose"]["pose"]["position"]["z"]
+        height = 0.0 if estimate.height is None else estimate.height[row]
+        assert z == pytest.approx(height, abs=1e-9)
     assert not robot.problems

@@ -110,6 +110,8 @@ def full_log(arrival: bool = True) -> Log:
             "range_m": rng.uniform(1, 9, 2 * m), "bearing_rad": rng.normal(0, 1, 2 * m),
             "sigma_range_m": rng.uniform(0.1, 1, 2 * m),
             "sigma_bearing_rad": rng.uniform(0.01, 0.1, 2 * m)},
+        "altitudes": {"stamp_ns": some, "height_m": np.linspace(-3.0, 17 / 3, m),
+                      "sigma_m": np.linspace(0.01, 2 / 3, m)},
         "scans": {"stamp_ns": some, "ranges_m": _beams(rng, m, 0.2, 8.0, 3),
                   "intensities": _beams(rng, m, 0.0, 4000.0, 0)},
         "truth": {"stamp_ns": stamp, "x_m": rng.normal(0, 9, n), "y_m": rng.normal(0, 9, n),

@@ -72,4 +72,5 @@ def assert_same(config: RunConfig, log: Log, least: float = 0.9) -> None:
         pose = poses[int(estimate.stamp_ns[row])]
         assert pose.pose[:2].tolist() == estimate.position[row].tolist()
         assert pose.pose[2] == estimate.heading[row]
+        assert pose.height == (None if estimate.height is None else estimate.height[row])
         assert np.array_equal(pose.covariance, estimate.covariance[row])

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ import locfuse.core as lf
 from locfuse.config.build import build_anchors
 from locfuse.config.load import parse_config
 from locfuse.config.scenario import (
+    AltitudeSensor,
     Circle,
+    Flight,
     OdometrySensor,
     PoseSensor,
     PositionSensor,
@@ -50,6 +53,7 @@ WIRING = {
     "PositionFix": Wiring("positions", "x_m", "add_positions"),
     "PoseObservation": Wiring("poses", "heading_rad", "add_poses"),
     "RangeBearing": Wiring("landmark_sightings", "bearing_rad", "add_sightings"),
+    "Altitude": Wiring("altitudes", "height_m", "add_altitudes"),
 }
 
 
@@ -71,6 +75,15 @@ def variant() -> list[str]:
 def fused_by_the_estimator() -> set[str]:
     """Return the messages that PoseEkf.on is bound for."""
     return set(re.findall(r"message: locfuse\._core\.(\w+)", lf.PoseEkf.on.__doc__ or ""))
+
+
+def in_space() -> Scenario:
+    """Return a flight without noise, with elevations."""
+    whole = scenario()
+    seen = SightingSensor(sigma_range_m=0.0, sigma_bearing_deg=0.0, sigma_elevation_deg=0.0,
+                          pose_in_body=(0.3, -0.1, 20.0), up_m=0.15)  # fmt: skip
+    changed = {"flight": Flight(period_s=7.0), "landmark_sightings": seen, "landmark_height_m": 4.0}
+    return whole.model_copy(update=changed)
 
 
 def scenario(output: str = "increments") -> Scenario:
@@ -98,6 +111,7 @@ def scenario(output: str = "increments") -> Scenario:
         landmark_sightings=SightingSensor(
             sigma_range_m=0.0, sigma_bearing_deg=0.0, pose_in_body=(0.3, -0.1, 20.0)
         ),
+        altitudes=AltitudeSensor(sigma_m=0.0, altimeter_up_m=0.25),
     )
 
 
@@ -125,10 +139,18 @@ def missing_pieces(name: str, wiring: Wiring | None) -> list[str]:
     if wiring.source not in log or wiring.column not in log[wiring.source]:
         missing.append(f"a simulator of {wiring.source!r} with the column {wiring.column!r}")
     elif wiring.source in SOURCES:
-        messages = to_messages(noisy(log), parse_config({"use": [wiring.source]}))
+        messages = to_messages(noisy(log), parse_config(using(wiring.source)))
         if len(messages.log) != len(log[wiring.source]["stamp_ns"]):
             missing.append(f"messages from the table {wiring.source!r} in messages.to_messages")
     return missing
+
+
+def using(source: str) -> dict[str, Any]:
+    """Return a configuration that fuses one source alone."""
+    if source == "altitudes":
+        return {"use": [source], "start": "truth", "estimator": {"kind": "air"}}
+    antenna = {"antenna_forward_m": 0.4, "antenna_left_m": -0.1}
+    return {"use": [source], "estimator": {"position": antenna}}
 
 
 def noisy(log: Log) -> Log:
@@ -164,8 +186,7 @@ def test_a_sensor_that_nobody_wired_is_named_piece_by_piece() -> None:
 def test_every_message_is_fused_in_a_run_of_that_source_alone(name: str) -> None:
     wiring = WIRING[name]
     log = noisy(simulate(scenario(wiring.output), np.random.default_rng(3)))
-    antenna = {"antenna_forward_m": 0.4, "antenna_left_m": -0.1}
-    config = parse_config({"use": [wiring.source], "estimator": {"position": antenna}})
+    config = parse_config(using(wiring.source))
     counts = run(config, log).metrics["counts"]
     assert list(counts) == [wiring.source]
     assert counts[wiring.source].get("fused", 0) > 0.5 * len(log[wiring.source]["stamp_ns"])
@@ -271,6 +292,20 @@ def sighting_residuals(log: Log) -> FloatArray:
     return np.array(residuals)
 
 
+def altitude_residuals(log: Log) -> FloatArray:
+    config = lf.AltitudeConfig()
+    config.altimeter_up_m = 0.25
+    model, height = lf.AltitudeModel(config), true_heights(log, "altitudes")
+    rows = zip(height, log["altitudes"]["height_m"], strict=True)
+    return np.array([model.linearize(true, lf.Altitude(0, seen)).residual for true, seen in rows])
+
+
+def true_heights(log: Log, stem: str) -> FloatArray:
+    """Return the true height at every row of a table; of a drive 0."""
+    rows = np.searchsorted(log["truth"]["stamp_ns"], log[stem]["stamp_ns"])
+    return np.asarray(log["truth"].get("z_m", np.zeros(rows.max() + 1))[rows])
+
+
 RESIDUALS: dict[str, Callable[[Log], FloatArray]] = {
     "Velocity": velocity_residuals,
     "Increment": increment_residuals,
@@ -278,6 +313,7 @@ RESIDUALS: dict[str, Callable[[Log], FloatArray]] = {
     "PositionFix": position_residuals,
     "PoseObservation": pose_residuals,
     "RangeBearing": sighting_residuals,
+    "Altitude": altitude_residuals,
 }
 
 
@@ -293,6 +329,45 @@ def test_simulator_and_model_agree_without_noise(name: str) -> None:
     assert np.abs(residuals).max() < 1e-9
     moving = np.array([(p.x, p.y, p.heading) for p in poses_at(log, wiring.source)])
     assert np.ptp(moving, axis=0).min() > 1.0, "a robot that stands still compares little"
+
+
+def test_simulator_and_models_agree_without_noise_in_space() -> None:
+    """Ranges and sightings with elevations of a body that rises and sinks."""
+    log = simulate(in_space(), np.random.default_rng(6))
+    assert np.ptp(log["truth"]["z_m"]) > 0.9
+    assert np.abs(altitude_residuals(log)).max() < 1e-9
+    table, config = log["landmark_sightings"], lf.AirEkfConfig()
+    config.landmark_in_space.sensor_up_m = 0.15
+    known = log["landmarks"]
+    at = {name: i for i, name in enumerate(known["landmark"].tolist())}
+    landmarks = lf.LandmarkMap(
+        [lf.Landmark(i, [known["x_m"][i], known["y_m"][i]], 0.0, known["z_m"][i])
+         for i in range(len(known["x_m"]))]
+    )  # fmt: skip
+    assert log.landmark_sensor is not None
+    sensor = lf.LandmarkSensor(landmarks, lf.Pose2(*log.landmark_sensor["pose_in_body"]))
+    names = [str(name) for name in log["anchors"]["anchor"]]
+    tags = list(log.tags)
+    anchors = build_anchors(log["anchors"], names, {})
+    placed = [lf.Tag(i, list(log.tags[name])) for i, name in enumerate(tags)]
+
+    def residual(pose: lf.Pose2, height: float, message: lf.Range | lf.RangeBearing) -> float:
+        start = lf.AirEstimate(0, pose, height, 1e-6 * np.eye(4))
+        return lf.AirEkf(config, anchors, placed, start, sensor).on(message).nis
+
+    seen = zip(poses_at(log, "landmark_sightings"), true_heights(log, "landmark_sightings"),
+               *(table[c] for c in ("landmark", "range_m", "bearing_rad", "elevation_rad")),
+               strict=True)  # fmt: skip
+    nis = [residual(pose, height, lf.RangeBearing(0, at[name], distance, bearing,
+                                                  elevation=elevation))
+           for pose, height, name, distance, bearing, elevation in seen]  # fmt: skip
+    ranges = log["ranges"]
+    measured = zip(poses_at(log, "ranges"), true_heights(log, "ranges"), ranges["tag"],
+                   ranges["anchor"], ranges["range_m"], strict=True)  # fmt: skip
+    nis += [residual(pose, height, lf.Range(0, tags.index(tag), names.index(anchor), distance))
+            for pose, height, tag, anchor, distance in measured]  # fmt: skip
+    assert len(nis) > 300
+    assert max(nis) < 1e-12
 
 
 def of_tags() -> Log:

@@ -15,12 +15,15 @@ import pytest
 from locfuse.check import check
 from locfuse.config.load import parse_config
 from locfuse.config.schema import FUSES, SOURCES, Kind, RunConfig
+from locfuse.eval.errors import interpolate
 from locfuse.io.log_folder import read_log_file
 from locfuse.io.rosbag.bag_reader import read_bag
 from locfuse.io.rosbag.bag_writer import write_bag
+from locfuse.live import LiveRun
 from locfuse.report.player.world import world_of
 from locfuse.report.results import write_results
 from locfuse.run.capsule import make_capsule, replay_capsule
+from locfuse.run.messages import truth_of
 from locfuse.run.run import load_log, run
 from locfuse.studio.document import checked
 from locfuse.studio.estimators import choices, variant
@@ -28,6 +31,7 @@ from locfuse.sweep.runner import run_trials
 from locfuse.types import ConfigError, Log, LogError, RunResult
 from support_adapter import Robot, assert_poses_are, later
 from support_live import assert_same, live_of
+from support_live import world_of as world_tables_of
 
 WHEELS = {"sigma_longitudinal_per_sqrt_m": 0.05, "sigma_heading_per_sqrt_m": 0.03}
 POSTS = {"A": [4, 4], "B": [10, 2], "C": [16, 4], "D": [18, 10], "E": [16, 16], "F": [10, 18],
@@ -62,8 +66,18 @@ WORLDS: Mapping[str, dict[str, Any]] = {
             "tags": {"tag": [0, 0, 0]},
             "ranges": {"rate_hz": 10, "sigma_m": 0.1, "sigma_relative": 0},
             "poses": None,
+            "flight": {"height_m": 1.5, "swing_m": 0.5, "period_s": 20},
+            "altitudes": {"rate_hz": 5, "sigma_m": 0.1, "altimeter_up_m": 0.2},
+            "landmarks": {"lamp": [1, 9], "sign": [9, 1]},
+            "landmark_height_m": 4.0,
+            "landmark_sightings": {"sigma_range_m": 0.3, "sigma_bearing_deg": 2.8,
+                                   "sigma_elevation_deg": 1.1},
         },
-        "estimator": {"range": {"sigma_m": 0.1}, "air": {"motion": "odometry"}},
+        "estimator": {
+            "range": {"sigma_m": 0.1},
+            "air": {"motion": "odometry", "start_height_m": 1.5,
+                    "altitude": {"altimeter_up_m": 0.2}},
+        },
     },
     "tag_triangle": {
         "simulation": {
@@ -122,7 +136,7 @@ def test_live(kind: Kind) -> None:
 def test_late_messages_give_the_bits_of_the_sorted_log(kind: Kind) -> None:
     config, log = driven(kind)
     tables = dict(log.tables)
-    for source in ("ranges", "positions", "poses", "landmark_sightings"):
+    for source in ("ranges", "positions", "poses", "landmark_sightings", "altitudes"):
         if source in tables:
             stamp = tables[source]["stamp_ns"]
             is_late = stamp // 200_000_000 % 5 == 0
@@ -242,7 +256,11 @@ def test_heights_are_written_drawn_scored_and_published(tmp_path: Path) -> None:
     result = result_of("air")
     assert result.estimate.height is not None
     assert result.estimate.height_variance is not None
-    off = result.estimate.height[-100:]
+    reference = truth_of(log)
+    assert reference is not None
+    truth = interpolate(reference, result.estimate.stamp_ns)[0].height
+    assert truth is not None
+    off = (result.estimate.height - truth)[-100:]
     sigma = np.sqrt(result.estimate.height_variance[-100:])
     assert np.all(np.abs(off) < 4.0 * sigma)
     assert np.all(sigma < 0.2)
@@ -254,28 +272,68 @@ def test_heights_are_written_drawn_scored_and_published(tmp_path: Path) -> None:
     tum = (tmp_path / "out" / "estimate.tum").read_text().splitlines()[-1].split()
     assert float(tum[3]) == result.estimate.height[-1]
     live, _ = live_of(config, log)
-    pose = live.pose()
+    pose = live.fused()
     assert pose is not None
     assert pose.height == pytest.approx(result.estimate.height[-1], abs=0.05)
-    robot = Robot(config, later(log))
+    fused = {"ros": config.ros.model_copy(update={"estimate_at": "fused"})}
+    robot = Robot(config.model_copy(update=fused), later(log))
     robot.learn()
     robot.drive()
     last = robot.said("locfuse/pose")[-1]["pose"]
-    assert last["pose"]["position"]["z"] == pytest.approx(pose.height, abs=0.15)
-    assert last["covariance"][14] == pytest.approx(pose.height_variance, rel=0.5)
+    assert last["pose"]["position"]["z"] == pytest.approx(pose.height, abs=1e-9)
+    assert last["covariance"][14] == pytest.approx(pose.height_variance, rel=1e-6)
     assert live_of(*driven("pose"))[0].pose().height is None  # type: ignore[union-attr]
 
 
 def test_a_flight_starts_at_the_height_of_the_reference() -> None:
     config, log = driven("air")
-    truth = {**log["truth"], "z_m": np.full(len(log["truth"]["x_m"]), 0.4)}
-    ranges = log["ranges"]
-    flying = replace(log, tables={**log.tables, "truth": truth, "ranges": ranges})
-    free = config.model_copy(update={"start": "truth"})
+    truth = {**log["truth"], "z_m": log["truth"]["z_m"] - 1.1}
+    flying = replace(log, tables={**log.tables, "truth": truth})
+    free = config.model_copy(update={"start": "truth", "use": ["odometry"]})
     result = run(free, flying)
     assert result.estimate.height is not None
     assert result.metrics["height_rmse_m"] > 0.0
-    assert result.estimate.height[0] == pytest.approx(0.4, abs=0.3)
+    assert result.estimate.height[0] == pytest.approx(0.4, abs=1e-9)
+
+
+def test_altitudes_and_elevations_improve_the_height() -> None:
+    config, log = driven("air")
+    with_ranges = run(config.model_copy(update={"use": ["odometry", "ranges"]}), log).metrics
+    with_all = result_of("air").metrics
+    assert with_all["height_rmse_m"] < 0.8 * with_ranges["height_rmse_m"]
+    assert set(with_all["nis_mean"]) == {"ranges", "landmark_sightings", "altitudes"}
+    assert 0.5 < with_all["nis_mean"]["altitudes"] < 1.5
+
+
+@pytest.mark.parametrize("kind", ["pose", "tag_triangle", "landmark_slam"])
+def test_altitudes_without_a_height_are_named(kind: Kind) -> None:
+    config, log = driven(kind)
+    stamp = log["truth"]["stamp_ns"][::10]
+    altitudes = {"stamp_ns": stamp, "height_m": np.full(len(stamp), 1.0)}
+    with_altitudes = replace(log, tables={**log.tables, "altitudes": altitudes})
+    result = run(config, with_altitudes)
+    rows = result.outcomes.source == "altitudes"
+    assert set(result.outcomes.verdict[rows].tolist()) <= {"not_modelled", "stale"}
+    why = set(result.outcomes.reason[rows & (result.outcomes.verdict == "not_modelled")].tolist())
+    assert why == {f"{config.estimator.filter} does not fuse altitudes"}
+    assert np.array_equal(result.estimate.position[-1], result_of(kind).estimate.position[-1])
+    assert_same(config, with_altitudes)
+    asked = config.model_dump(mode="json", exclude_defaults=True) | {
+        "use": ["odometry", "altitudes"]
+    }
+    with pytest.raises(ConfigError, match=r"use names \['altitudes'\]"):
+        parse_config(asked)
+
+
+def test_elevations_in_the_plane_are_refused() -> None:
+    _, log = driven("air")
+    start = [5.0, 5.0, 0.0]
+    with pytest.raises(LogError, match=r"elevation_rad.*kind: air"):
+        run(parse_config({"start": start}), log)
+    live = LiveRun(parse_config({"start": start}), replace(log, tables=world_tables_of(log)))
+    row = {key: values[0] for key, values in log["landmark_sightings"].items()}
+    with pytest.raises(ValueError, match=r"elevation_rad.*kind: air"):
+        live.on("landmark_sightings", row)
 
 
 def test_what_a_kind_does_not_fuse_is_ignored_with_a_reason() -> None:

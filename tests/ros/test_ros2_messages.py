@@ -52,13 +52,20 @@ def rows() -> list[decode.RangeRow]:
 
 SCAN = decode.ScanRow(STAMP, "laser", -1.0, 0.5, 0.1, 30.0, np.array([1.0, np.nan, 2.5]),
                       np.array([10.0, 20.0, np.nan]))  # fmt: skip
-SEEN = [decode.SightingRow(STAMP, "tree", 2.0, 0.5, 0.1, 0.02, "camera")]
+SEEN = [decode.SightingRow(STAMP, "tree", 2.0, 0.5, 0.1, 0.02, "camera"),
+        decode.SightingRow(STAMP, "lamp", 2.0, 0.5, 0.1, 0.02, "camera", 0.3, 0.04)]  # fmt: skip
 FIX = decode.FixRow(STAMP, 1.5, -2.5, 0.2, "front", "map")
 COVARIANCE = np.diag([0.04, 0.09, 0.01])
 
 
 def test_ranges_come_through() -> None:
     assert decode.ranges(through_the_wire(encode.uwb_ranges("uwb", rows()))) == rows()
+
+
+def test_altitudes_come_through() -> None:
+    for sigma in (0.3, None):
+        sent = encode.altitude("altitude", STAMP, 2.5, sigma, "map")
+        assert decode.altitude(through_the_wire(sent)) == (STAMP, 2.5, sigma, "map")
 
 
 def test_a_scan_comes_through() -> None:

@@ -22,8 +22,6 @@ double variance_of(const char* name, double sigma) {
   return sigma * sigma;
 }
 
-constexpr Source kAltitudes = Source::kScans;  // of no other source of it: it takes no scans
-
 Matrix<1, 1> scalar(double value) { return Matrix<1, 1>(value); }
 
 /// The height of a start, with what it shares with the pose.
@@ -193,7 +191,8 @@ Outcome AirEkf::on(const Altitude& z) {
   }
   return correct(z.stamp, recipe_->altitude_gate, internal::kGaussian, height_, [&] {
     return internal::of_source(recipe_->config,
-                               std::optional(recipe_->altitude.linearize(height(), z)), kAltitudes);
+                               std::optional(recipe_->altitude.linearize(height(), z)),
+                               Source::kAltitudes);
   });
 }
 

@@ -178,6 +178,11 @@ void Health::record(const NamedSource& source, Stamp stamp, const Outcome& outco
     status.sigma = std::sqrt(outcome.scale);
     status.test_ratio = outcome.nis / limit;
   }
+  if (source.kind == Source::kAltitudes) {
+    status.nis += internal::HealthTuning::kSourceWeight *
+                  (std::min(outcome.nis, internal::HealthTuning::kMaxMeanNis) - status.nis);
+    return;
+  }
   scans_contradict_ = false;
   weigh(status, outcome, outlier_volume);
   excluded_ += status.faulty > config_.exclude_above ? 1 : 0;
@@ -256,7 +261,9 @@ void Health::receive(SourceStatus& status, Stamp stamp, bool is_fused) {
       internal::HealthTuning::kSourceWeight * ((is_fused ? 1.0 : 0.0) - status.accepted);
   if (is_fused) {
     status.fused = status.last_received;
-    fused_ = std::max(fused_, stamp);
+    if (status.source.kind != Source::kAltitudes) {
+      fused_ = std::max(fused_, stamp);
+    }
   }
 }
 
@@ -309,7 +316,7 @@ double Health::agreement() const {
   double wrong = 0.0;
   for (const SourceStatus& status : sources_) {
     const double stays = 1.0 - seconds_between(status.last_received, stamp_) / config_.faulty_s;
-    if (stays > 0.0) {
+    if (stays > 0.0 && status.source.kind != Source::kAltitudes) {
       const double usual = faulty_share(status.source);
       const double faulty = usual + stays * (status.faulty - usual);
       right += 1.0 - faulty;
@@ -327,8 +334,11 @@ double Health::outlier_volume(const PoseObservation& /*z*/) const {
   return config_.wrong_span_m * config_.wrong_span_m * 2.0 * kPi;
 }
 double Health::outlier_volume(const RangeBearing& z) const {
-  return (z.range ? config_.wrong_span_m : 1.0) * (z.bearing ? 2.0 * kPi : 1.0);
+  return (z.range ? config_.wrong_span_m : 1.0) * (z.bearing ? 2.0 * kPi : 1.0) *
+         (z.elevation ? kPi : 1.0);
 }
+
+double Health::outlier_volume(const Altitude& /*z*/) const { return config_.wrong_span_m; }
 
 bool Health::is_excluded(const NamedSource& source) const {
   if (excluded_ == 0 || odds_ > odds_found_) {

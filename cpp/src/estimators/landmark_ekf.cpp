@@ -127,6 +127,11 @@ Outcome LandmarkEkf::on(const RangeBearing& z) {
   return on_joint({z}, Association::kNearest).front();
 }
 
+Outcome LandmarkEkf::on(const Altitude& z) {
+  validate(z);
+  return {Verdict::kNotModelled};
+}
+
 Outcome LandmarkEkf::on(const Message& message) {
   return internal::dispatch<Range, PoseObservation, LaserScan>(*this, message);
 }

@@ -439,6 +439,11 @@ Outcome Mcl::on(const PositionFix& z) { return weigh_by(recipe_->position, z); }
 
 Outcome Mcl::on(const PoseObservation& z) { return weigh_by(recipe_->pose, z); }
 
+Outcome Mcl::on(const Altitude& z) {
+  validate(z);
+  return {Verdict::kNotModelled};
+}
+
 Outcome Mcl::on(const Message& message) {
   return std::visit([this](const auto& m) { return on(m); }, message);
 }

@@ -296,6 +296,11 @@ std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>
   return landmarks;
 }
 
+Outcome PoseEkf::on(const Altitude& z) {
+  validate(z);
+  return {Verdict::kNotModelled};
+}
+
 Outcome PoseEkf::on(const Message& message) {
   return internal::dispatch<LaserScan>(*this, message);
 }

@@ -134,16 +134,21 @@ OdometryMotion lost_motion(const Config& config) {
 }
 
 /// Throws std::invalid_argument unless all are valid and of one stamp.
-template <class M>
-void validate_together(const char* what, const std::vector<M>& messages) {
+template <class M, class Validate>
+void validate_together(const char* what, const std::vector<M>& messages, const Validate& check) {
   for (const M& message : messages) {
-    validate(message);
+    check(message);
     if (message.stamp != messages.front().stamp) {
       throw std::invalid_argument(std::string(what) + " have stamps " +
                                   std::to_string(messages.front().stamp) + " and " +
                                   std::to_string(message.stamp) + " ns, expected one stamp");
     }
   }
+}
+
+template <class M>
+void validate_together(const char* what, const std::vector<M>& messages) {
+  validate_together(what, messages, [](const M& message) { validate(message); });
 }
 
 template <class M>

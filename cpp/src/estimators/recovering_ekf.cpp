@@ -195,6 +195,7 @@ Outcome RecoveringEkf::on(const Range& z) { return correct(z); }
 Outcome RecoveringEkf::on(const PositionFix& z) { return correct(z); }
 Outcome RecoveringEkf::on(const PoseObservation& z) { return correct(z); }
 Outcome RecoveringEkf::on(const RangeBearing& z) { return correct(z); }
+Outcome RecoveringEkf::on(const Altitude& z) { return correct(z); }
 
 Outcome RecoveringEkf::on(const Message& message) {
   return std::visit([this](const auto& m) { return on(m); }, message);
@@ -258,7 +259,25 @@ Outcome RecoveringEkf::fuse(const M& z) {
       });
     }
   }
-  return of(*tracker_, [&](auto& ekf) { return ekf.on(z); });
+  return of(*tracker_, [&](auto& ekf) {
+    if constexpr (std::is_same_v<M, Altitude>) {
+      return ekf.on(Message(z));
+    } else {
+      return ekf.on(z);
+    }
+  });
+}
+
+/// Gives a search what it has a use for: it knows no height, so no line of sight in space.
+template <class M>
+void RecoveringEkf::give(Initializer& start, const M& z) const {
+  if constexpr (std::is_same_v<M, RangeBearing>) {
+    if ((z.elevation || z.sigma_elevation) && is_in_space()) {
+      validate_in_space(z);
+      return;
+    }
+  }
+  start.on(z);
 }
 
 template <class M>
@@ -270,7 +289,7 @@ Outcome RecoveringEkf::correct(const M& z) {
     record(z, outcome);
     listen();
   }
-  if (outcome.verdict != Verdict::kStale && search([&](Initializer& start) { start.on(z); })) {
+  if (outcome.verdict != Verdict::kStale && search([&](Initializer& start) { give(start, z); })) {
     decide();
   }
   return outcome;
@@ -278,7 +297,9 @@ Outcome RecoveringEkf::correct(const M& z) {
 
 std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& sightings,
                                              Association association) {
-  internal::validate_together("sightings of one instant", sightings);
+  internal::validate_together("sightings of one instant", sightings, [this](const RangeBearing& z) {
+    is_in_space() ? validate_in_space(z) : validate(z);
+  });
   std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kIgnored});
   if (tracker_) {
     outcomes = of(*tracker_, [&](auto& ekf) {
@@ -303,7 +324,7 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
     Initializer fed = start;
     for (std::size_t i = 0; i < sightings.size(); ++i) {
       if (outcomes[i].verdict != Verdict::kStale) {
-        fed.on(sightings[i]);
+        give(fed, sightings[i]);
       }
     }
     start = std::move(fed);

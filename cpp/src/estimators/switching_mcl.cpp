@@ -71,6 +71,11 @@ Outcome SwitchingMcl::on(const PositionFix& z) { return update_uwb(z); }
 Outcome SwitchingMcl::on(const PoseObservation& z) { return mcl_.on(z); }
 Outcome SwitchingMcl::on(const RangeBearing& z) { return mcl_.on(z); }
 
+Outcome SwitchingMcl::on(const Altitude& z) {
+  validate(z);
+  return {Verdict::kNotModelled};
+}
+
 Outcome SwitchingMcl::on(const LaserScan& z) {
   const Outcome outcome = mcl_.on(z);
   if (outcome.verdict != Verdict::kStale) {

@@ -412,6 +412,11 @@ Outcome TagTriangleEkf::on(const Increment& u) {
   return take(u.begin, u.stamp, twist);
 }
 
+Outcome TagTriangleEkf::on(const Altitude& z) {
+  validate(z);
+  return {Verdict::kNotModelled};
+}
+
 Outcome TagTriangleEkf::on(const Message& message) {
   return internal::dispatch<PoseObservation, RangeBearing, LaserScan>(*this, message);
 }

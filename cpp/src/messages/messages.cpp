@@ -169,7 +169,9 @@ void validate(const PoseObservation& message) {
 void validate(const Altitude& message) {
   check_stamp(message.stamp);
   require_finite("Altitude.height [m]", message.height);
-  require_sigma("Altitude.sigma [m]", message.sigma);
+  if (message.sigma) {
+    require_sigma("Altitude.sigma [m]", *message.sigma);
+  }
 }
 
 void validate(const RangeBearing& message) {

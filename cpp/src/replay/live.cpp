@@ -18,7 +18,7 @@ Live::Live(RecoveringEkf estimator, const Options& options)
 }
 
 Outcome Live::on(const Message& message) {
-  std::visit([](const auto& m) { validate(m); }, message);
+  internal::validate_for(initial_, message);
   if (disabled_[static_cast<std::size_t>(source_of(message))]) {
     return {Verdict::kIgnored};
   }

@@ -7,7 +7,7 @@
 namespace locfuse {
 
 void MessageLog::add(const Message& message, Stamp arrival) {
-  std::visit([](const auto& m) { validate(m); }, message);
+  validate_in_space(message);
   arrivals_.push_back({arrival, message});
 }
 

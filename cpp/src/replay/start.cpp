@@ -27,7 +27,7 @@ StartSearch::StartSearch(Initializer initializer, Stamp patience)
 }
 
 void StartSearch::on(const Message& message) {
-  std::visit([](const auto& m) { validate(m); }, message);
+  validate_in_space(message);
   wait({effective_stamp(message), arrivals_++, message});
 }
 

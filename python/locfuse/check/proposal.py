@@ -49,8 +49,16 @@ def _keys(log: Log) -> Lines:
     truth = log.tables.get("truth", {})
     is_known = "heading_rad" in truth and len(truth["stamp_ns"]) > 0
     why = "found: the recording has a reference" if is_known else "found without a prior"
-    yield "start", "truth" if is_known else "auto", why
-    if len(log.tables.get("scans", {}).get("stamp_ns", ())):
+    flies = _flies(log)
+    if flies and not is_known:
+        yield "start", [0.0, 0.0, 0.0], "a guess [m, m, deg]: that of a flight is not searched"
+    else:
+        yield "start", "truth" if is_known else "auto", why
+    if flies:
+        yield "estimator.kind", "air", "found: altitudes or elevations, so the body flies"
+        if "odometry" in log:
+            yield "estimator.air.motion", "odometry", "found"
+    elif len(log.tables.get("scans", {}).get("stamp_ns", ())):
         if log.grid is not None:
             yield "mcl", {}, "found: scans and a map, so particles localize on it"
         elif "odometry" not in log:
@@ -68,6 +76,11 @@ def _keys(log: Log) -> Lines:
         if np.any(sigmas <= 0.0):
             why = f"a guess: {np.mean(sigmas <= 0.0):.0%} of the {source} bring no sigma"
             yield f"estimator.{source[:-1]}.sigma_m", guess, why
+
+
+def _flies(log: Log) -> bool:
+    seen = log.tables.get("landmark_sightings", {})
+    return "elevation_rad" in seen or len(log.tables.get("altitudes", {}).get("stamp_ns", ())) > 0
 
 
 def _scatter(ranges: Columns) -> tuple[float, int]:

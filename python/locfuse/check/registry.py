@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeAlias
 
+from locfuse.check import rules_air as air
 from locfuse.check import rules_anchors as anchors
 from locfuse.check import rules_config as config_of
 from locfuse.check import rules_imu as imu
@@ -50,7 +51,7 @@ def _rules_of(module: ModuleType) -> Iterator[Rule]:
             yield rule
 
 
-MODULES = (log_of, config_of, switch, anchors, tags, landmarks, ranges, motion, imu)
+MODULES = (log_of, config_of, switch, anchors, tags, landmarks, ranges, motion, imu, air)
 RULES: tuple[Rule, ...] = tuple(rule for module in MODULES for rule in _rules_of(module))
 
 

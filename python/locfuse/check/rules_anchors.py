@@ -14,7 +14,7 @@ from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.check.grid import on_map
 from locfuse.check.positions import dop
-from locfuse.config.schema import SOURCES
+from locfuse.config.schema import IN_THE_PLANE
 from locfuse.types import FloatArray
 
 _LINE = 0.02  # width over length below which anchors count as standing in one line
@@ -122,7 +122,7 @@ def tags_on_the_floor(context: Context) -> Iterator[Finding]:
 
 def unobservable_states(context: Context) -> Iterator[Finding]:
     """Report which of position and heading no source in use observes."""
-    sources = [s for s in SOURCES if context.used(s)]
+    sources = [s for s in IN_THE_PLANE if context.used(s)]
     if not sources or context.config.mcl is not None:  # scans on a map give both
         return
     if sources == ["odometry"]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 from locfuse.config.build import build_cylinder_detector
-from locfuse.config.schema import SOURCES
+from locfuse.config.schema import IN_THE_PLANE
 from locfuse.run.start import scans_of
 from locfuse.types import FloatArray
 
@@ -58,7 +58,7 @@ def _seen(context: Context) -> _Seen | None:
 
 def _placed_otherwise(context: Context) -> bool:
     """Return whether something besides odometry and landmarks gives the position."""
-    others = set(SOURCES) - {"odometry", "landmark_sightings"}
+    others = set(IN_THE_PLANE) - {"odometry", "landmark_sightings"}
     by_scans = context.log.grid is not None and context.table("scans") is not None
     return any(context.used(source) for source in others) or by_scans or bool(context.config.mcl)
 

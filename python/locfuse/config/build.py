@@ -58,9 +58,11 @@ def build_air_config(estimator: Estimator) -> _core.AirEkfConfig:
     """Return the C++ struct with every value of `estimator` for a body that flies."""
     config, air = _core.AirEkfConfig(), estimator.air
     _fill(config, estimator, leave=(*_OTHER_KINDS, "calibration", "adaptive"))
-    _fill(config, air, leave=("motion", "start_height_m", "sigma_start_height_m", "sensor_up_m"))
+    _fill(config, air, leave=("motion", "start_height_m", "sigma_start_height_m", "sensor_up_m",
+                               "sigma_elevation_rad"))  # fmt: skip
     config.motion = _core.AirMotion[air.motion.upper()]
     config.landmark_in_space.sensor_up_m = air.sensor_up_m
+    config.landmark_in_space.sigma_elevation_rad = air.sigma_elevation_rad
     return config
 
 

@@ -15,7 +15,7 @@ Latitude: TypeAlias = Annotated[float, Field(ge=-90.0, le=90.0)]
 Longitude: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 SUBSCRIBED = ("odometry", "imu", "scans", "ranges", "poses", "positions", "landmark_sightings",
-         "map", "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
+         "altitudes", "map", "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
 PUBLISHED = ("estimate", "path", "start", "mapped")
 POSE = "geometry_msgs/PoseWithCovarianceStamped"
 # What may come on the topic of a source; the first is the usual one.
@@ -27,6 +27,7 @@ TYPES: dict[str, tuple[str, ...]] = {
     "poses": (POSE,),
     "positions": ("sensor_msgs/NavSatFix", "locfuse_msgs/TagPosition"),
     "landmark_sightings": ("locfuse_msgs/LandmarkSightings", "locfuse_msgs/LandmarkSighting"),
+    "altitudes": ("sensor_msgs/Range", POSE, "geometry_msgs/PointStamped"),
     "map": ("nav_msgs/OccupancyGrid",),
     "anchors": ("locfuse_msgs/NamedPoints",),
     "landmarks": ("locfuse_msgs/NamedPoints",),
@@ -52,6 +53,10 @@ class Topics(Strict):
     """sensor_msgs/NavSatFix or locfuse_msgs/TagPosition."""
     landmark_sightings: Name | None = "sightings"
     """locfuse_msgs/LandmarkSightings or LandmarkSighting."""
+    altitudes: Name | None = "altitude"
+    """Of the kind `air`: sensor_msgs/Range down to z = 0, or z of
+    geometry_msgs/PoseWithCovarianceStamped or PointStamped.
+    """
     map: Name | None = "map"
     """nav_msgs/OccupancyGrid."""
     anchors: Name | None = "anchors"

@@ -21,7 +21,8 @@ Name: TypeAlias = Annotated[str, Field(min_length=1)]
 Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]
 Segment: TypeAlias = tuple[float, float, float, float]
-Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions", "landmark_sightings"]
+Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions", "landmark_sightings",
+                            "altitudes"]  # fmt: skip
 
 MAX_MESSAGES = 5_000_000  # of one sensor: a day of wheels at 50 Hz
 MAX_BEAMS = 200_000_000  # 1.6 GB
@@ -245,6 +246,28 @@ class PositionSensor(Strict):
     """
 
 
+class Flight(Strict):
+    """Height of a body that flies: it rises and sinks about a mean."""
+
+    height_m: float = 1.5
+    """Mean height over z = 0, at the start [m]."""
+    swing_m: NonNegative = 0.5
+    """How far it rises and sinks about that [m]."""
+    period_s: Positive = 20.0
+    """Time from one rise to the next [s]."""
+
+
+class AltitudeSensor(Strict):
+    """Altimeter: the true height plus white noise."""
+
+    rate_hz: Rate = 10.0
+    """Altitudes per second [Hz]."""
+    sigma_m: NonNegative = 0.1
+    """Sigma of each altitude [m]."""
+    altimeter_up_m: float = 0.0
+    """Height of the altimeter over the body's origin [m]."""
+
+
 class ImuSensor(Strict):
     """Gyro and accelerometer on the body, however mounted, which like wheels feel no kidnapping."""
 
@@ -275,6 +298,10 @@ class SightingSensor(Strict):
     """Sigma of each range [m]."""
     sigma_bearing_deg: NonNegative = 1.0
     """Sigma of each bearing [deg]."""
+    sigma_elevation_deg: NonNegative | None = None
+    """Sigma of each elevation; null: none is measured [deg]."""
+    up_m: float = 0.0
+    """Height of the sensor over the body's origin [m]."""
     range_max_m: Positive = 10.0
     """Maximum range at which a landmark is seen [m]."""
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
@@ -652,9 +679,9 @@ class Scenario(Strict):
     """A drive through a room and the sensors that measure it.
 
     A sensor set to None is switched off. Faults are applied in the order in which they stand.
-    Anchors and landmarks are in world, tags in body; the body moves on z = 0, and by default so do
-    all of them, as in the planar model of ekim2020 eq. (8). Landmarks with a radius are discs that
-    the laser sees and the map does not contain.
+    Anchors and landmarks are in world, tags in body; without a `flight` the body moves on z = 0, as
+    by default do all of them, in the planar model of ekim2020 eq. (8). Landmarks with a radius are
+    discs that the laser sees and the map does not contain.
     """
 
     room_m: tuple[Positive, Positive] = (10.0, 10.0)
@@ -665,10 +692,14 @@ class Scenario(Strict):
     """Landmarks in world [m]."""
     landmark_radius_m: NonNegative = 0.0
     """Radius of all landmarks: discs that the laser sees and the map does not contain [m]."""
+    landmark_height_m: float = 0.0
+    """Height of all landmarks over z = 0 [m]."""
     tags: dict[Name, Point3] = Field(default_factory=_one_tag)
     """Tags in body [m]."""
     path: Path = Field(default_factory=Circle)
     """Path of the robot."""
+    flight: Flight | None = None
+    """Its height; null: the body moves on z = 0."""
     duration_s: Positive = 60.0
     """Length of the drive [s]."""
     odometry: OdometrySensor | None = Field(default_factory=OdometrySensor)
@@ -683,6 +714,8 @@ class Scenario(Strict):
     """Gyro and accelerometer; off by default."""
     landmark_sightings: SightingSensor | None = None
     """Ranges and bearings to landmarks; off by default. Needs `landmarks`."""
+    altitudes: AltitudeSensor | None = None
+    """Altimeter; off by default."""
     laser: LaserSensor | None = None
     """2D laser scanner; off by default. Needs a `map`."""
     map: RoomMap | None = None
@@ -723,7 +756,8 @@ class Scenario(Strict):
         fixes = len(self.positions.tags) or 1 if self.positions is not None else 1
         each = {  # messages, or beams, of one instant
             "odometry": 1, "ranges": len(self.anchors) * len(self.tags), "poses": 1,
-            "positions": fixes, "landmark_sightings": len(self.landmarks), "laser": 1,
+            "positions": fixes, "landmark_sightings": len(self.landmarks), "altitudes": 1,
+            "laser": 1,
         }  # fmt: skip
         for name, count in each.items():
             sensor = getattr(self, name)

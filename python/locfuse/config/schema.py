@@ -8,7 +8,7 @@ test compares the two.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
@@ -22,14 +22,18 @@ DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
 Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
-Message: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings"]
-Source: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings", "imu"]
-SOURCES: tuple[Message, ...] = ("odometry", "ranges", "positions", "poses", "landmark_sightings")
+Message: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings",
+                             "altitudes"]  # fmt: skip
+Source: TypeAlias = Literal[Message, "imu"]
+SOURCES: tuple[Message, ...] = get_args(Message)
+IN_THE_PLANE = SOURCES[:-1]
 USABLE: tuple[Source, ...] = (*SOURCES, "imu")  # which goes into odometry
+# Whatever there is: as `use` says it by default, and before there were altitudes.
+EVERYTHING: tuple[list[Source], ...] = ([*USABLE], [*IN_THE_PLANE, "imu"])
 Kind: TypeAlias = Literal["pose", "landmark_slam", "tag_triangle", "air"]
 # What an estimator of each kind fuses; it ignores the rest.
 FUSES: dict[Kind, tuple[Source, ...]] = {
-    "pose": SOURCES,
+    "pose": IN_THE_PLANE,
     "landmark_slam": ("odometry", "positions", "landmark_sightings"),
     "tag_triangle": ("odometry", "ranges", "positions"),
     "air": SOURCES,
@@ -68,6 +72,15 @@ class Range(Strict):
         if self.sigma_m == 0.0 and self.sigma_relative == 0.0:
             raise ValueError("sigma_m and sigma_relative are both 0; expected at least one > 0")
         return self
+
+
+class Altitude(Strict):
+    """Altimeter of a body that flies; ``AltitudeConfig`` in C++."""
+
+    altimeter_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    """Height of the altimeter over the body's origin [m]."""
+    sigma_m: Positive = 0.1
+    """Sigma of an altitude without a sigma of its own [m]."""
 
 
 class Position(Strict):
@@ -328,6 +341,12 @@ class Air(Strict):
     """Sigma of that height [m]."""
     sensor_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """Height of the landmark sensor over the body's origin [m]."""
+    sigma_elevation_rad: Positive = 0.02
+    """Sigma of an elevation without a sigma of its own [rad]."""
+    altitude: Altitude = Field(default_factory=Altitude)
+    """Altimeter position in body and sigma of altitudes."""
+    gate_altitude: GateProbability = 0.999
+    """Probability that a good altitude passes its gate; 1: no gate."""
 
 
 class ScanOdometry(Strict):
@@ -851,23 +870,18 @@ class RunConfig(Strict):
         return self
 
     @model_validator(mode="after")
-    def _cylinders_are_used(self) -> RunConfig:
-        if self.cylinders is not None and "landmark_sightings" not in self.use:
-            raise ValueError(
-                "cylinders are landmark_sightings, which use leaves out; add them to use, or "
-                "remove cylinders"
-            )
+    def _what_is_made_is_used(self) -> RunConfig:
+        for what, maker, source in (
+            ("cylinders are", self.cylinders, "landmark_sightings"),
+            ("mcl.poses_hz makes", self.mcl and self.mcl.poses_hz, "poses"),
+            ("scan_odometry makes", self.scan_odometry, "odometry"),
+        ):
+            if maker is not None and source not in self.use:
+                raise ValueError(f"{what} {source}, which use leaves out; add {source!r} to use, "
+                                 f"or remove {what.split()[0]}")  # fmt: skip
         if self.cylinders is not None and getattr(self.simulation, "landmark_sightings", None):
             raise ValueError(
                 "both cylinders and simulation.landmark_sightings are given; expected one of them"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _poses_of_mcl_are_used(self) -> RunConfig:
-        if self.mcl is not None and self.mcl.poses_hz is not None and "poses" not in self.use:
-            raise ValueError(
-                "mcl.poses_hz makes poses, which use leaves out; add 'poses' to use, or remove it"
             )
         return self
 
@@ -898,15 +912,6 @@ class RunConfig(Strict):
         return self
 
     @model_validator(mode="after")
-    def _odometry_of_scans_is_used(self) -> RunConfig:
-        if self.scan_odometry is not None and "odometry" not in self.use:
-            raise ValueError(
-                "scan_odometry makes odometry, which use leaves out; add 'odometry' to use, or "
-                "remove it"
-            )
-        return self
-
-    @model_validator(mode="after")
     def _fixes_of_tags_are_fused(self) -> RunConfig:
         if self.tag_conditioner is None:
             return self
@@ -926,9 +931,9 @@ class RunConfig(Strict):
     @model_validator(mode="after")
     def _kind_can_do_it(self) -> RunConfig:
         kind = self.estimator.kind
-        if kind == "pose":
+        if kind == "pose" and "altitudes" not in self.use:
             return self
-        if self.mcl is not None:
+        if kind != "pose" and self.mcl is not None:
             raise ValueError(
                 f"both mcl and estimator.kind {kind!r} are given; expected one of them"
             )
@@ -939,7 +944,7 @@ class RunConfig(Strict):
             )
         unused = [source for source in self.use
                   if source not in (*FUSES[self.estimator.filter], "imu")]  # fmt: skip
-        if unused and self.use not in (list(USABLE), list(SOURCES)):
+        if unused and self.use not in (*EVERYTHING, [*SOURCES], [*IN_THE_PLANE]):
             raise ValueError(
                 f"use names {unused}, which estimator.kind {kind!r} does not fuse; expected some "
                 f"of {list(FUSES[self.estimator.filter])}"
@@ -948,11 +953,11 @@ class RunConfig(Strict):
 
     @model_validator(mode="after")
     def _sigmas_to_fuse_with(self) -> RunConfig:
-        for source in ("poses", "positions"):
+        for source in ("poses", "positions", "altitudes"):
             sensor = getattr(self.simulation, source, None)
             if sensor is None or source not in self.use:
                 continue
-            for key in ("sigma_xy_m", "sigma_heading_deg"):
+            for key in ("sigma_xy_m", "sigma_heading_deg", "sigma_m"):
                 if getattr(sensor, key, 1.0) == 0.0:
                     raise ValueError(
                         f"simulation.{source}.{key} is 0, but what is fused needs a sigma > 0; "

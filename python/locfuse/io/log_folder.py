@@ -32,6 +32,7 @@ GEOMETRY = ("beams", "angle_min_rad", "angle_increment_rad")  # of each scan, wh
 RATES = ("wx_radps", "wy_radps", "wz_radps")  # of an IMU, in its axes
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 GRAVITY_MPS2 = 9.81  # which they include
+_SEEN = ("stamp_s", "landmark", "range_m", "bearing_rad")
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
 # for i0, i1, ...
 SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
@@ -50,9 +51,12 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     ),
     "poses": (("stamp_s", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad"),),
     "landmark_sightings": (
-        ("stamp_s", "landmark", "range_m", "bearing_rad"),
-        ("stamp_s", "landmark", "range_m", "bearing_rad", "sigma_range_m", "sigma_bearing_rad"),
+        _SEEN,
+        (*_SEEN, "sigma_range_m", "sigma_bearing_rad"),
+        (*_SEEN, "elevation_rad"),
+        (*_SEEN, "elevation_rad", "sigma_range_m", "sigma_bearing_rad", "sigma_elevation_rad"),
     ),
+    "altitudes": (("stamp_s", "height_m"), ("stamp_s", "height_m", "sigma_m")),
     "scans": (
         ("stamp_s", "ranges_m"),
         ("stamp_s", "ranges_m", "intensities"),
@@ -76,13 +80,14 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("landmark", "x_m", "y_m", "cov_x_x", "cov_x_y", "cov_y_y"),
     ),
 }
-MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans", "imu")
+MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "altitudes", "scans",
+            "imu")  # fmt: skip
 OF_THE_WORLD = ("anchors", "landmarks")
 MAY_BE_EMPTY = MESSAGES[1:]
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
 NAMES = ("tag", "anchor", "landmark")
 MAY_BE_NAMELESS = (("landmark_sightings", "landmark"), ("positions", "tag"))
-PLACES = ("x_m", "y_m", "z_m")
+PLACES = ("x_m", "y_m", "z_m", "height_m")
 MAY_NOT_KNOW = ("positions", "poses")  # their sigmas: -1 or 0
 BEAMS = {"ranges_m": "r", "intensities": "i"}  # columns of scans: one letter and the beam in a file
 IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "end")}
@@ -350,6 +355,9 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
         pass  # together: `_bad_sigmas`
     elif name.startswith("sigma_") or name == "radius_m":
         yield from _first(values <= 0.0, f"{name} is not positive", values)
+    elif name == "elevation_rad":
+        bad = np.abs(values) > 0.5 * np.pi
+        yield from _first(bad, "an elevation is beyond straight up or down", values)
     elif name == "intensities":
         lowest = np.nan_to_num(values, nan=0.0).reshape(len(values), -1 if values.size else 1)
         yield from _first(lowest.min(axis=1) < 0.0, "an intensity is negative", lowest.min(axis=1))

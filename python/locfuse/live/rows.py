@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from locfuse import _core
 from locfuse.config.schema import USABLE, RunConfig
 from locfuse.io.log_folder import FORCES, RATES
+from locfuse.run.messages import NOT_IN_PLANE
 from locfuse.run.start import laser_geometry
 from locfuse.types import NANOSECONDS, FloatArray, Log
 
@@ -23,6 +24,7 @@ Message = (
     | _core.PositionFix
     | _core.PoseObservation
     | _core.RangeBearing
+    | _core.Altitude
 )
 
 
@@ -50,6 +52,7 @@ class Rows:
         self._delay_ns: dict[str, int] = {
             s: round(config.delays_s.get(s, 0.0) * NANOSECONDS) for s in USABLE
         }
+        self._flies = config.estimator.kind == "air"
         self._odometry_ns: int | None = None
         self._of: dict[str, Callable[[int, Row], Message]] = {
             "odometry": self._odometry,
@@ -57,6 +60,7 @@ class Rows:
             "positions": self._position,
             "poses": self._pose,
             "landmark_sightings": self._sighting,
+            "altitudes": self._altitude,
         }
 
     def message(self, source: str, row: Row) -> Message:
@@ -135,7 +139,16 @@ class Rows:
         covariance = None
         if "sigma_range_m" in row:
             covariance = reported_covariance([row["sigma_range_m"], row["sigma_bearing_rad"]])
-        return _core.RangeBearing(stamp, landmark, range_m, bearing, covariance)
+        elevation = float(row.get("elevation_rad", np.nan))
+        if np.isnan(elevation):
+            return _core.RangeBearing(stamp, landmark, range_m, bearing, covariance)
+        if not self._flies:
+            raise ValueError(NOT_IN_PLANE)
+        return _core.RangeBearing(stamp, landmark, range_m, bearing, covariance, elevation,
+                                  row.get("sigma_elevation_rad"))  # fmt: skip
+
+    def _altitude(self, stamp: int, row: Row) -> Message:
+        return _core.Altitude(stamp, float(row["height_m"]), row.get("sigma_m"))
 
 
 def _names(world: Log, table: str, column: str) -> list[str]:

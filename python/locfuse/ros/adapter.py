@@ -90,6 +90,7 @@ class Adapter:
             "poses": self._pose,
             "positions": self._position,
             "landmark_sightings": self._sightings,
+            "altitudes": self._altitude,
             "map": self._map,
             "anchors": self._points("anchors"),
             "landmarks": self._points("landmarks"),
@@ -127,6 +128,8 @@ class Adapter:
     def _listens(self) -> list[Subscription]:
         config = self._config
         wanted = set(config.use) | {"map", "anchors", "landmarks", "initial_pose"}
+        if config.estimator.kind != "air":
+            wanted.discard("altitudes")
         makers = config.mcl, config.cylinders, config.scan_odometry
         if config.searches_start or any(part is not None for part in makers):
             wanted.add("scans")
@@ -353,6 +356,14 @@ class Adapter:
             self._rebuild()
         for row in seen:
             self._feed("landmark_sightings", rows.sighting_row(row))
+
+    def _altitude(self, message: Any, topic: str) -> None:
+        row = decode.altitude(message)
+        if row is None:
+            return
+        check_frame("altitudes", row.frame, self._config.ros.frames.map)
+        self._in_time(row.stamp_ns, topic)
+        self._feed("altitudes", rows.altitude_row(row))
 
     def _map(self, message: Any, topic: str) -> None:
         check_frame("the map", message.header.frame_id, self._config.ros.frames.map)

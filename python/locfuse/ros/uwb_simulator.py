@@ -167,17 +167,7 @@ class UwbSystem:
     def on(self, message: Any, now_ns: int) -> Publication | None:
         """Take a message of the truth; return ranges if it is time and an anchor answers.
 
-        Parameters
-        ----------
-        message : message of ROS 1 or ROS 2
-            As of `true_pose`.
-        now_ns : int
-            The clock of the node.
-
-        Raises
-        ------
-        MessageError
-            As `true_pose`.
+        `now_ns` is the clock of the node. Raises MessageError as `true_pose`.
         """
         stamp, (x, y, z, heading) = true_pose(message, self._model, now_ns)
         if stamp <= 0 or not self._epochs.is_due(stamp):

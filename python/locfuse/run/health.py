@@ -100,4 +100,5 @@ def name_of(source: _core.NamedSource, names: Names) -> str:
         _core.Source.POSITIONS: "position",
         _core.Source.POSES: "pose",
         _core.Source.SCANS: "scan",
+        _core.Source.ALTITUDES: "altitude",
     }[kind]

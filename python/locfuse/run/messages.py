@@ -17,6 +17,9 @@ from locfuse.config.schema import SOURCES, RunConfig
 from locfuse.run.missing_inputs import how_to_add, where_named
 from locfuse.types import NANOSECONDS, Columns, Log, LogError, StampArray, Trajectory
 
+NOT_IN_PLANE = ("landmark_sightings have elevation_rad, so their ranges are not in the plane; set "
+                "estimator.kind: air, or leave 'landmark_sightings' out of use")  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Messages:
@@ -57,6 +60,8 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         present = [s for s in SOURCES if s in log and len(log[s]["stamp_ns"]) > 0]
         raise LogError(f"nothing to fuse: the log has {present or 'no messages'}, "
                        f"the config uses {list(config.use)}")  # fmt: skip
+    if config.estimator.kind != "air" and "elevation_rad" in tables.get("landmark_sightings", {}):
+        raise LogError(NOT_IN_PLANE)
     _check_clocks(tables)
     anchor_names, tag_names = _names(log, tables)
     is_mapped = config.estimator.kind == "landmark_slam"
@@ -251,7 +256,10 @@ def _add(
     elif source == "landmark_sightings":
         messages.add_sightings(stamp, _ids(landmark_names, table["landmark"]), table["range_m"],
                                table["bearing_rad"], table.get("sigma_range_m"),
-                               table.get("sigma_bearing_rad"), arrival)  # fmt: skip
+                               table.get("sigma_bearing_rad"), arrival, table.get("elevation_rad"),
+                               table.get("sigma_elevation_rad"))  # fmt: skip
+    elif source == "altitudes":
+        messages.add_altitudes(stamp, table["height_m"], table.get("sigma_m"), arrival)
     else:
         pose = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
         sigma_xy, sigma_heading = table["sigma_xy_m"], table["sigma_heading_rad"]

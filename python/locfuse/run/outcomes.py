@@ -19,9 +19,9 @@ IMPLAUSIBLE = {
     "odometry": "faster than limits.speed_mps or limits.turn_rate_radps",
     "ranges": "longer than limits.range_m",
     "landmark_sightings": "longer than limits.range_m",
-    "positions": "farther from the origin than limits.distance_m",
-    "poses": "farther from the origin than limits.distance_m",
-}
+    **dict.fromkeys(("positions", "poses", "altitudes"),
+                    "farther from the origin than limits.distance_m"),
+}  # fmt: skip
 VERDICTS = np.array([verdict.name.lower() for verdict in _core.Verdict])
 
 
@@ -59,7 +59,8 @@ def outcomes_of(
     )
     reason[(verdict == "ignored") & ~used] = "source disabled"
     for source, why in ignored_by(config.estimator).items():
-        reason[(verdict == "ignored") & (messages.source == source)] = why
+        unused = np.isin(verdict, ("ignored", "not_modelled"))
+        reason[unused & (messages.source == source)] = why
     for row in np.flatnonzero(record.interventions):
         reason[row] = f"variances put back into their bounds: {record.interventions[row]}"
     return Outcomes(
@@ -158,6 +159,8 @@ def _reasons(
             reason[row] = f"unknown tag {messages.tag[row]}"
         elif messages.source[row] == "positions" and is_of_tags and messages.tag[row] == "":
             reason[row] = "names no tag, and tag_triangle fuses positions of tags"
+        elif messages.source[row] == "altitudes":
+            reason[row] = "the estimator has no height"
         elif messages.source[row] == "odometry":
             reason[row] = "a motion without duration has no velocity"
         elif messages.source[row] in ("positions", "poses"):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.schema import USABLE, Dataset, RunConfig, ignored_by, places_antennas
+from locfuse.config.schema import EVERYTHING, Dataset, RunConfig, ignored_by, places_antennas
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
 from locfuse.io.log_folder import read_log
@@ -141,7 +141,7 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
         if unknown and key and source in config.use and config.mcl is None:
             _logger.warning("%d of %d %s bring no sigma and are not used; set %s", unknown,
                             len(sigmas), source, key)  # fmt: skip
-    if config.use == list(USABLE):  # whatever there is
+    if config.use in EVERYTHING:  # whatever there is
         return
     for lacking in absent(config, log):
         bag = f"; is ros.topics.{lacking} its topic?" if log.origin == "bag" else ""

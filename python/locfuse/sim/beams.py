@@ -16,30 +16,12 @@ def cast(
     reach: float,
     glass: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """Return how far beams go until they enter an occupied cell.
+    """Return how far beams go until they enter an occupied cell, (n,), metres; infinite if never.
 
-    Parameters
-    ----------
-    grid : GridMap
-    start : float64 array, shape (n, 2)
-        x and y in world, metres; may lie outside of the map. Inside an occupied cell: 0.
-    direction : float64 array, shape (n,)
-        Heading in world, radians.
-    reach : float
-        Beams end there, metres.
-    glass : (clearness, luck), optional
-        float64 arrays, shapes (height, width) and (n,). A beam passes the occupied cells whose
-        clearness is above its luck; both are between 0 and 1.
-
-    Returns
-    -------
-    float64 array, shape (n,)
-        Metres; infinite where nothing is hit. Unknown cells and the outside let beams pass.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite.
+    `start` (n, 2) is x and y in world, metres, where a beam in an occupied cell goes 0; `direction`
+    (n,) is its heading, radians; beams end at `reach`, metres. Unknown cells and the outside let
+    them pass, and so do with `glass`, (clearness (height, width), luck (n,)), both between 0 and 1,
+    cells whose clearness is above the beam's luck. Raises ValueError if a number is not finite.
     """
     if glass is None:
         return _core.RayCaster(grid.occupancy_grid()).cast(start, direction, reach)

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,14 +26,15 @@ from locfuse.types import (
     FloatArray,
     GridMap,
     Log,
+    StampArray,
 )
 
 
 def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = None) -> Log:
     """Return the log of a simulated drive.
 
-    Path, odometry, ranges, poses, positions, faults, laser, sightings and IMU draw from children of
-    `rng`, always spawned in that order: switching one off changes no bit of the others.
+    Path, odometry, ranges, poses, positions, faults, laser, sightings, IMU and altimeter draw from
+    children of `rng`, always spawned in that order: switching one off changes no bit of the others.
 
     Parameters
     ----------
@@ -46,9 +49,9 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     -------
     Log
         With tables ``odometry``, ``ranges``, ``poses``, ``positions``, ``landmark_sightings``,
-        ``scans``, ``imu`` (those that are switched on), ``truth`` at every stamp of any of them
-        but ``imu``, dropped out or not, ``anchors`` and ``landmarks``; and with the grid, if there
-        is a map.
+        ``altitudes``, ``scans``, ``imu`` (those that are switched on), ``truth`` at every stamp of
+        any of them but ``imu``, dropped out or not, ``anchors`` and ``landmarks``; and with the
+        grid, if there is a map.
 
     Raises
     ------
@@ -64,52 +67,39 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     >>> len(log["ranges"]["range_m"])  # 5 anchors, 6 epochs
     30
     """
-    for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(9)
-    for_faults, for_laser, for_sightings, for_imu = others
+    for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(10)
+    for_faults, for_laser, for_sightings, for_imu, for_altitudes = others
     grid = grid_of(scenario, base)
     driven = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
     drive = _kidnapped(driven, scenario)
-    epochs = {
-        name: sensors.stamps(sensor.rate_hz, scenario.duration_s)
-        for name, sensor in (
-            ("odometry", scenario.odometry),
-            ("ranges", scenario.ranges),
-            ("poses", scenario.poses),
-            ("positions", scenario.positions),
-            ("landmark_sightings", scenario.landmark_sightings),
-            ("scans", scenario.laser),
-        )
-        if sensor is not None
+    flight = scenario.flight
+    makers: dict[str, Callable[[StampArray, Any], Columns]] = {
+        "odometry": lambda t, sensor: sensors.odometry(driven, t, sensor, for_odometry),
+        "ranges": lambda t, sensor: sensors.ranges(
+            drive, t, scenario.tags, scenario.anchors, sensor, for_ranges, flight
+        ),
+        "poses": lambda t, sensor: sensors.poses(drive, t, sensor, for_poses),
+        "positions": lambda t, sensor: sensors.positions(
+            drive, t, scenario.tags, sensor, for_positions
+        ),
+        "landmark_sightings": lambda t, sensor: sensors.sightings(
+            drive, t, scenario.landmarks, sensor, for_sightings, flight, scenario.landmark_height_m
+        ),
+        "altitudes": lambda t, sensor: sensors.altitudes(flight, t, sensor, for_altitudes),
+        "imu": lambda t, sensor: sensors.imu(driven, t, sensor, for_imu),
     }
-    measured: dict[str, Columns] = {}
-    if scenario.odometry is not None:
-        measured["odometry"] = sensors.odometry(
-            driven, epochs["odometry"], scenario.odometry, for_odometry
-        )
-    if scenario.ranges is not None:
-        measured["ranges"] = sensors.ranges(
-            drive, epochs["ranges"], scenario.tags, scenario.anchors, scenario.ranges, for_ranges
-        )
-    if scenario.poses is not None:
-        measured["poses"] = sensors.poses(drive, epochs["poses"], scenario.poses, for_poses)
-    if scenario.positions is not None:
-        measured["positions"] = sensors.positions(
-            drive, epochs["positions"], scenario.tags, scenario.positions, for_positions
-        )
-    if scenario.landmark_sightings is not None:
-        measured["landmark_sightings"] = sensors.sightings(
-            drive, epochs["landmark_sightings"], scenario.landmarks, scenario.landmark_sightings,
-            for_sightings,
-        )  # fmt: skip
-    if scenario.imu is not None:
-        measured["imu"] = sensors.imu(
-            driven, sensors.stamps(scenario.imu.rate_hz, scenario.duration_s), scenario.imu, for_imu
-        )
+    named = {name: getattr(scenario, name) for name in makers} | {"scans": scenario.laser}
+    epochs = {name: sensors.stamps(sensor.rate_hz, scenario.duration_s)
+              for name, sensor in named.items() if sensor is not None}  # fmt: skip
+    measured = {name: make(epochs[name], named[name])
+                for name, make in makers.items() if name in epochs}  # fmt: skip
+    epochs.pop("imu", None)
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
     faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))
     tables = with_faults(measured, faults, world)
-    truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))))
+    truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))),
+                          flight)  # fmt: skip
     check_way(scenario, grid, truth)
     landmarks = np.array(list(scenario.landmarks.values()), np.float64).reshape(-1, 2)
     has_discs = scenario.landmark_radius_m > 0.0
@@ -134,6 +124,8 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
             "x_m": landmarks[:, 0],
             "y_m": landmarks[:, 1],
         }
+        if flight is not None or scenario.landmark_height_m != 0.0:
+            table["z_m"] = np.full(len(landmarks), scenario.landmark_height_m)
         if has_discs:
             table["radius_m"] = np.full(len(landmarks), scenario.landmark_radius_m)
         tables["landmarks"] = table

@@ -12,6 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from locfuse.config.scenario import (
+    AltitudeSensor,
+    Flight,
     ImuSensor,
     OdometrySensor,
     PoseSensor,
@@ -38,6 +40,14 @@ def stamps(rate_hz: float, duration_s: float) -> StampArray:
 def seconds(stamp_ns: StampArray) -> FloatArray:
     """Return stamps as seconds, shape as given."""
     return np.asarray(stamp_ns / NANOSECONDS, dtype=np.float64)
+
+
+def heights(flight: Flight | None, stamp_ns: StampArray) -> FloatArray:
+    """Return the heights of the body over z = 0, shape (n,), metres."""
+    if flight is None:
+        return np.zeros(len(stamp_ns))
+    turn = 2.0 * np.pi * seconds(stamp_ns) / flight.period_s
+    return np.asarray(flight.height_m + flight.swing_m * np.sin(turn))
 
 
 def point_in_world(pose: FloatArray, point_in_body: tuple[float, float, float]) -> FloatArray:
@@ -88,19 +98,9 @@ def odometry(
     sigma_heading_per_sqrt_m^2 |d| + sigma_heading_per_sqrt_rad^2 |a|: over a distance they add
     up to the same at any rate. A turn bias is added, per second.
 
-    Parameters
-    ----------
-    drive : Drive
-    stamp_ns : int64 array, shape (n,)
-    sensor : OdometrySensor
-    rng : numpy Generator
-
-    Returns
-    -------
-    columns
-        ``increments``: n rows of dx_m, dy_m, dheading_rad since the row before; the first is zero.
-        ``velocities``: n - 1 rows of v_mps, omega_radps, held until the next stamp; what
-        holds until the last stamp is reported by the row before it.
+    ``increments`` are n rows of dx_m, dy_m, dheading_rad since the row before; the first is zero.
+    ``velocities`` are n - 1 rows of v_mps, omega_radps, held until the next stamp; what holds until
+    the last stamp is reported by the row before it.
     """
     motion = relative_poses(drive.pose_at(seconds(stamp_ns)))
     distance, turn = np.hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])
@@ -134,26 +134,17 @@ def ranges(
     anchors: Mapping[str, tuple[float, float, float]],
     sensor: RangeSensor,
     rng: np.random.Generator,
+    flight: Flight | None = None,
 ) -> Columns:
     """Return the distance from every tag to every anchor at each stamp.
 
-    Parameters
-    ----------
-    drive : Drive
-    stamp_ns : int64 array, shape (n,)
-    tags : mapping of name to (x, y, z) in body, metres
-    anchors : mapping of name to (x, y, z) in world, metres
-    sensor : RangeSensor
-    rng : numpy Generator
-
-    Returns
-    -------
-    columns
-        n * tags * anchors rows of tag, anchor, range_m, by stamp, tag, anchor. A range that noise
-        would take below zero is zero.
+    `tags` are (x, y, z) in body, `anchors` in world, metres, by name. n * tags * anchors rows of
+    tag, anchor and range_m are by stamp, tag, anchor. A range that noise would take below zero is
+    zero.
     """
     pose = drive.pose_at(seconds(stamp_ns))
     tag_at = np.stack([point_in_world(pose, tag) for tag in tags.values()], axis=1)
+    tag_at[:, :, 2] += heights(flight, stamp_ns)[:, None]
     anchor_at = np.array(list(anchors.values()), dtype=np.float64)
     distance = np.linalg.norm(tag_at[:, :, None, :] - anchor_at, axis=-1)
     sigma = np.hypot(sensor.sigma_m, sensor.sigma_relative * distance)
@@ -197,18 +188,8 @@ def positions(
 ) -> Columns:
     """Return true positions of the antenna, or of tags, plus white noise, as GPS or an RTLS might.
 
-    Parameters
-    ----------
-    drive : Drive
-    stamp_ns : int64 array, shape (n,)
-    tags : mapping of name to (x, y, z) in body, metres
-    sensor : PositionSensor
-    rng : numpy Generator
-
-    Returns
-    -------
-    columns
-        n rows of x_m, y_m and sigma_m; with tags n * tags rows that also have a tag, by stamp, tag.
+    `tags` are (x, y, z) in body, metres, by name. n rows of x_m, y_m and sigma_m; with tags of the
+    sensor n * tags rows that also have a tag, by stamp, tag.
     """
     pose = drive.pose_at(seconds(stamp_ns))
     antenna = (sensor.antenna_forward_m, sensor.antenna_left_m, 0.0)
@@ -232,18 +213,23 @@ def sightings(
     landmarks: Mapping[str, tuple[float, float]],
     sensor: SightingSensor,
     rng: np.random.Generator,
+    flight: Flight | None = None,
+    landmark_height_m: float = 0.0,
 ) -> Columns:
-    """Return range and bearing to each landmark in view, from a sensor on the body.
+    """Return range, bearing and perhaps elevation of each landmark in view, from the body.
 
-    `landmarks` are (x, y) in world, metres, by name. Rows of landmark (empty if unnamed), range_m
-    and bearing_rad are by stamp and landmark. A range that noise would take below zero is zero.
+    `landmarks` are (x, y) in world, metres, by name. Rows of landmark (empty if unnamed), range_m,
+    bearing_rad and, of a sensor that measures it, elevation_rad are by stamp and landmark. Ranges
+    are along the line of sight; one that noise would take below zero is zero.
     """
     pose = drive.pose_at(seconds(stamp_ns))
     forward, left, turn_deg = sensor.pose_in_body
     eye = point_in_world(pose, (forward, left, 0.0))[:, :2]
     at = np.array(list(landmarks.values()), dtype=np.float64)
     off = at - eye[:, None, :]
-    distance = np.hypot(off[..., 0], off[..., 1])
+    level = np.hypot(off[..., 0], off[..., 1])
+    rise = (landmark_height_m - sensor.up_m - heights(flight, stamp_ns))[:, None]
+    distance = np.hypot(level, rise)
     heading = pose[:, 2] + np.deg2rad(turn_deg)
     bearing = wrap_angle(np.arctan2(off[..., 1], off[..., 0]) - heading[:, None])
     noise = rng.standard_normal((*distance.shape, 2))
@@ -253,12 +239,27 @@ def sightings(
     bearing = wrap_angle(bearing + np.deg2rad(sensor.sigma_bearing_deg) * noise[..., 1])
     names = np.array(list(landmarks) if sensor.landmarks == "named" else [""] * len(landmarks))
     row, column = np.nonzero(seen)
-    return {
+    found: Columns = {
         "stamp_ns": stamp_ns[row],
         "landmark": names[column],
         "range_m": distance[row, column],
         "bearing_rad": bearing[row, column],
     }
+    if sensor.sigma_elevation_deg is None:
+        return found
+    error = np.deg2rad(sensor.sigma_elevation_deg) * rng.standard_normal(level.shape)
+    elevation = np.clip(np.arctan2(rise, level) + error, -0.5 * np.pi, 0.5 * np.pi)
+    return {**found, "elevation_rad": elevation[row, column]}
+
+
+def altitudes(
+    flight: Flight | None, stamp_ns: StampArray, sensor: AltitudeSensor, rng: np.random.Generator
+) -> Columns:
+    """Return heights of the altimeter plus white noise: n rows of height_m and sigma_m."""
+    height = heights(flight, stamp_ns) + sensor.altimeter_up_m
+    return {"stamp_ns": stamp_ns,
+            "height_m": height + sensor.sigma_m * rng.standard_normal(len(height)),
+            "sigma_m": np.full(len(height), sensor.sigma_m)}  # fmt: skip
 
 
 def imu(drive: Drive, stamp_ns: StampArray, sensor: ImuSensor, rng: np.random.Generator) -> Columns:
@@ -294,7 +295,9 @@ def _turned(mount_deg: tuple[float, float, float]) -> FloatArray:
     return np.asarray(about_z @ about_y @ about_x)
 
 
-def truth(drive: Drive, stamp_ns: StampArray) -> Columns:
-    """Return the true poses: n rows of x_m, y_m, heading_rad."""
+def truth(drive: Drive, stamp_ns: StampArray, flight: Flight | None = None) -> Columns:
+    """Return the true poses: n rows of x_m, y_m, of a flight z_m, and heading_rad."""
     pose = drive.pose_at(seconds(stamp_ns))
-    return {"stamp_ns": stamp_ns, "x_m": pose[:, 0], "y_m": pose[:, 1], "heading_rad": pose[:, 2]}
+    z = {} if flight is None else {"z_m": heights(flight, stamp_ns)}
+    return {"stamp_ns": stamp_ns, "x_m": pose[:, 0], "y_m": pose[:, 1], **z,
+            "heading_rad": pose[:, 2]}  # fmt: skip

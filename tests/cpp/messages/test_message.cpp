@@ -25,10 +25,29 @@ TEST(Message, everything_else_takes_effect_at_its_stamp) {
   pose.stamp = 7;
   RangeBearing sighting;
   sighting.stamp = 7;
-  for (const Message& message : std::vector<Message>{velocity, range, fix, pose, sighting}) {
+  Altitude altitude;
+  altitude.stamp = 7;
+  for (const Message& message :
+       std::vector<Message>{velocity, range, fix, pose, sighting, altitude}) {
     EXPECT_EQ(effective_stamp(message), 7);
     EXPECT_EQ(stamp_of(message), 7);
   }
+}
+
+TEST(Message, an_elevation_is_valid_in_space_only) {
+  RangeBearing sighting{7, 0, 3.0, 0.1, {}};
+  sighting.elevation = 0.2;
+  EXPECT_NO_THROW(validate_in_space(Message(sighting)));
+  EXPECT_THROW(validate(sighting), std::invalid_argument);
+  sighting.elevation = 1.6;
+  EXPECT_THROW(validate_in_space(Message(sighting)), std::invalid_argument);
+  EXPECT_THROW(validate_in_space(Message(Range{7, 0, 0, -1.0, {}})), std::invalid_argument);
+}
+
+TEST(Message, every_kind_has_its_source) {
+  EXPECT_EQ(source_of(Velocity{}), Source::kOdometry);
+  EXPECT_EQ(source_of(RangeBearing{}), Source::kSightings);
+  EXPECT_EQ(source_of(Altitude{}), Source::kAltitudes);
 }
 
 TEST(Increment, of_translation_and_rotation_drives_first_and_turns_then) {

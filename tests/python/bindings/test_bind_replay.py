@@ -172,6 +172,11 @@ ADD: dict[str, Callable[[lf.MessageLog, float], None]] = {
     "RangeBearing.(covariance|sigma_bearing)": lambda log, v: log.add_sightings(
         STAMPS, IDS, ONES, ONES, ONES, column(v)
     ),
+    "RangeBearing.sigma_elevation": lambda log, v: log.add_sightings(
+        STAMPS, IDS, ONES, ONES, elevation=ONES, sigma_elevation=column(v)
+    ),
+    "Altitude.height": lambda log, v: log.add_altitudes(STAMPS, column(v)),
+    "Altitude.sigma": lambda log, v: log.add_altitudes(STAMPS, ONES, column(v)),
 }
 
 
@@ -194,6 +199,18 @@ def test_a_row_that_is_not_valid_is_named_and_nothing_is_added(field: str, bad: 
     with pytest.raises(ValueError, match=rf"row 2: {field}"):
         ADD[field](log, bad)
     assert len(log) == 4
+
+
+def test_an_elevation_that_is_nan_was_not_measured() -> None:
+    log = lf.MessageLog()
+    log.add_sightings(STAMPS, IDS, ONES, ONES, elevation=column(math.nan))
+    assert len(log) == 4
+    with pytest.raises(ValueError, match=r"row 2: RangeBearing.elevation \[rad\] is 1.6"):
+        log.add_sightings(STAMPS, IDS, ONES, ONES, elevation=column(1.6))
+    with pytest.raises(ValueError, match="elevation"):
+        log.add_sightings(STAMPS, IDS, ONES, ONES, elevation=ONES[1:])
+    with pytest.raises(ValueError, match="elevation is 1"):  # of a filter in the plane
+        lf.replay(make_ekf(), log)
 
 
 IDS_OF: dict[str, Callable[[Any], Any]] = {

@@ -60,6 +60,21 @@ def test_scans_on_a_map_ask_for_particles(tmp_path: Path) -> None:
     assert yaml.safe_load(proposal(tmp_path / "drive", tmp_path))["mcl"] == {}
 
 
+@pytest.mark.parametrize("has_truth", [True, False])
+def test_altitudes_ask_for_a_flight(has_truth: bool, tmp_path: Path) -> None:
+    log = log_of(flight={}, altitudes={}, laser={"rate_hz": 2}, map={})
+    tables = {key: table for key, table in log.tables.items() if has_truth or key != "truth"}
+    write_log(replace(log, tables=tables), tmp_path / "drive")
+    text = proposal(tmp_path / "drive", tmp_path)
+    settings = yaml.safe_load(text)
+    assert settings["estimator"]["kind"] == "air"
+    assert settings["estimator"]["air"] == {"motion": "odometry"}
+    assert settings["start"] == ("truth" if has_truth else [0.0, 0.0, 0.0])
+    assert "mcl" not in settings
+    (tmp_path / "drive.yaml").write_text(text)
+    assert run(load_config(tmp_path / "drive.yaml"), base=tmp_path).estimate.height is not None
+
+
 def test_topics_of_a_bag_are_found_by_their_types(tmp_path: Path) -> None:
     topics = Topics(odometry="husky/wheels", ranges="decawave")
     config = parse_config({"estimator": {"range": {"sigma_m": 0.2}}})

@@ -395,7 +395,7 @@ KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] =
         **{name: f"air.{name}" for name in ("motion", "constant_velocity",
                                             "sigma_height_per_sqrt_s")},
         "landmark_in_space": "air.sensor_up_m",
-        "altitude": "", "gate_altitude": "",  # no message of a run
+        **{name: f"air.{name}" for name in ("altitude", "gate_altitude")},
     }),
 }  # fmt: skip
 INSIDE = {
@@ -404,7 +404,8 @@ INSIDE = {
     ("air", "landmark_in_space"): "sensor_up_m",
 }  # the field that the key sets
 # Keys of a kind that are of the start, or of the run, or differ from the struct on purpose.
-BESIDE_KIND = {"use_map", "start_height_m", "sigma_start_height_m", "shape"}
+BESIDE_KIND = {"use_map", "start_height_m", "sigma_start_height_m", "shape",
+               "sigma_elevation_rad"}  # fmt: skip
 OTHER: dict[str, Any] = {
     "air.motion": "odometry", "constant_velocity": {"sigma_climb_per_sqrt_s": 0.625},
     "robust_range": "cauchy", "robust_position": "cauchy", "robust_pose": "cauchy",
@@ -412,7 +413,8 @@ OTHER: dict[str, Any] = {
     "gate_landmark": 0.9, "gate_new": 0.9995, "min_sightings": 7, "max_landmarks": 7,
     "heading_is_known": True, "limits": {"speed_mps": 3.0}, "position": {"sigma_m": 0.625},
     "odometry": {"sigma_xy_per_sqrt_s": 0.625}, "landmark": {"sigma_range_m": 0.625},
-    "range": {"sigma_m": 0.625}, "velocity": {"sigma_point_mps": 0.625},
+    "range": {"sigma_m": 0.625}, "altitude": {"sigma_m": 0.625},
+    "velocity": {"sigma_point_mps": 0.625},
 }  # fmt: skip
 
 

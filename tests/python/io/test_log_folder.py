@@ -51,6 +51,13 @@ def full_log() -> Log:
             "bearing_rad": np.array([0.5, -0.5]),
             "sigma_range_m": np.array([0.1, 0.2]),
             "sigma_bearing_rad": np.array([0.01, 0.02]),
+            "elevation_rad": np.array([0.3, -1.5]),
+            "sigma_elevation_rad": np.array([0.01, 0.03]),
+        },
+        "altitudes": {
+            "stamp_ns": stamp,
+            "height_m": np.array([-0.5, 2.0]),
+            "sigma_m": np.array([0.1, 0.3]),
         },
         "scans": {
             "stamp_ns": stamp,
@@ -113,7 +120,9 @@ def test_velocities_are_the_other_form_of_odometry(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("stem", "absent"),
     [
-        ("landmark_sightings", ("sigma_range_m", "sigma_bearing_rad")),
+        ("landmark_sightings", ("sigma_range_m", "sigma_bearing_rad", "sigma_elevation_rad")),
+        ("landmark_sightings", ("elevation_rad", "sigma_elevation_rad")),
+        ("altitudes", ("sigma_m",)),
         ("scans", ("intensities",)),
         ("truth", ("heading_rad",)),
     ],

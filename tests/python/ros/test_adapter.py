@@ -15,10 +15,11 @@ from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.io.log_folder import write_log
 from locfuse.io.rosbag import encode
-from locfuse.io.rosbag.decode import heading_of, stamp_ns
+from locfuse.io.rosbag.decode import SightingRow, heading_of, stamp_ns
 from locfuse.io.rosbag.encode import Fields, Publication
 from locfuse.io.rosbag.publications import in_order_of_arrival, world_of
 from locfuse.ros import future_stamps as early
+from locfuse.ros.adapter import Adapter
 from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, ConfigError, Log
 from support_adapter import LATER, Robot, assert_poses_are, later, pose_of, stamps
@@ -506,3 +507,41 @@ def test_odometry_of_scans_is_that_of_the_run(ros: str) -> None:
         assert found[:2] == pytest.approx(estimate.position[row].tolist(), abs=1e-3)
     end = pose_of(robot.said("locfuse/pose")[-1])
     assert np.hypot(end[0] - log["truth"]["x_m"][-1], end[1] - log["truth"]["y_m"][-1]) < 0.3
+
+
+FLIGHT = {"start": [0.0, 0.0, 0.0], "estimator": {"kind": "air", "air": {"start_height_m": 1.0}}}
+
+
+@pytest.mark.parametrize("ros", ["ros1", "ros2"])
+@pytest.mark.parametrize("kind", ["Range", "PointStamped", "PoseWithCovarianceStamped"])
+def test_altitudes_of_every_type_are_fused(kind: str, ros: str) -> None:
+    adapter = Adapter(parse_config(FLIGHT))
+    (listens,) = [one for one in adapter.subscriptions if one.source == "altitudes"]
+    assert (listens.topic, len(listens.types)) == ("altitude", 3)
+    published: list[Publication] = []
+    for k in range(1, 40):
+        stamp = LATER + k * NANOSECONDS // 10
+        given: Any = encode.altitude("altitude", stamp, 2.5, 0.1 if "Pose" in kind else None, "map")
+        if kind == "Range":
+            given = {"header": encode.header(stamp, "sonar"), "range": 2.5, "min_range": 0.1,
+                     "max_range": 9.0}  # fmt: skip
+        published += adapter.on("altitudes", "altitude", message(given, ros), stamp)
+        published += adapter.tick(stamp)
+    assert not adapter.problems()
+    (*_, last) = [one.fields["pose"] for one in published if one.topic == "locfuse/pose"]
+    assert last["pose"]["position"]["z"] == pytest.approx(2.5, abs=0.1)
+    assert last["covariance"][14] < 0.1
+
+
+def test_altitudes_in_another_frame_and_elevations_in_the_plane_are_refused() -> None:
+    adapter = Adapter(parse_config(FLIGHT))
+    given = encode.altitude("altitude", LATER, 2.5, None, "odom")
+    adapter.on("altitudes", "altitude", message(given), LATER)
+    assert any("altitudes are in frame 'odom'" in problem for problem in adapter.problems())
+    plane = Adapter(parse_config({"start": [0.0, 0.0, 0.0]}))
+    assert "altitudes" not in {one.source for one in plane.subscriptions}
+    row = SightingRow(LATER, "lamp", 4.0, 0.5, None, None, "", 0.3, None)
+    plane.on("landmark_sightings", "sightings",
+             message(encode.landmark_sightings("sightings", [row])), LATER)  # fmt: skip
+    assert any("elevation_rad" in problem and "kind: air" in problem
+               for problem in plane.problems())  # fmt: skip

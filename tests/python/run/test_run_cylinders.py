@@ -224,7 +224,7 @@ def test_brightness_that_the_log_does_not_tell_is_one_sentence() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ({"cylinders": {}, "use": ["odometry"]}, "add them to use"),
+        ({"cylinders": {}, "use": ["odometry"]}, "add 'landmark_sightings' to use"),
         ({"cylinders": {"radius": 1}}, "did you mean 'radius_m'"),
         ({"cylinders": {"method": "cone"}}, "method cone needs radius_m"),
         ({"cylinders": {"method": "arc"}}, "did you mean 'arcs'"),

@@ -118,6 +118,7 @@ class AirEkf {
   [[nodiscard]] const GaussianBelief& belief() const { return belief_; }
   /// How often a variance left its bounds and was put back, or P was made positive definite again.
   [[nodiscard]] std::uint64_t interventions() const { return belief_.interventions; }
+  [[nodiscard]] static constexpr bool is_in_space() { return true; }  ///< as of RecoveringEkf
   [[nodiscard]] Pose2 pose() const { return belief_.pose(body_); }
   [[nodiscard]] double height() const { return belief_.x(belief_.offset(height_)); }
 

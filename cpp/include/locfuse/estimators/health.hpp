@@ -66,6 +66,10 @@ struct NamedSource {
   return {Source::kSightings, z.landmark.value_or(NamedSource::kUnnamed)};
 }
 
+[[nodiscard]] inline NamedSource named_source_of(const Altitude& /*z*/) {
+  return {Source::kAltitudes, NamedSource::kUnnamed};
+}
+
 /// How well a scan fits a pose on a map.
 struct ScanEvidence {
   Stamp stamp = 0;
@@ -138,7 +142,8 @@ class Health {
   /// Starts with a pose that is wrong with that probability, and forgets all sources.
   void start(Stamp stamp, double wrong = 0.0);
 
-  /// Records the outcome of a measurement, with the limit of its gate and its outlier volume.
+  /// Records the outcome of a measurement, with the limit of its gate and its outlier volume. An
+  /// altitude is counted, but says nothing of the pose: it fits anywhere.
   void record(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
               double outlier_volume);
   /// Records a scan; eq. (10) to (12) of docs/health.md.
@@ -151,6 +156,7 @@ class Health {
   [[nodiscard]] double outlier_volume(const PositionFix& z) const;
   [[nodiscard]] double outlier_volume(const PoseObservation& z) const;
   [[nodiscard]] double outlier_volume(const RangeBearing& z) const;
+  [[nodiscard]] double outlier_volume(const Altitude& z) const;
 
   /// How far `estimate`, that of the recorded measurements, may be trusted. Throws
   /// std::invalid_argument, as do all methods that take a stamp, beyond +-kStampLimit.

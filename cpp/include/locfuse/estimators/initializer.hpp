@@ -93,6 +93,7 @@ class Initializer {
   /// Weighs the hypotheses there are; two of one stamp, with range and bearing, start others.
   void on(const RangeBearing& z);
   void on(const LaserScan& z);
+  void on(const Altitude& z) { validate(z); }  ///< of no use
   void on(const Message& message);
 
   [[nodiscard]] State state() const;

@@ -76,6 +76,8 @@ class LandmarkEkf {
   Outcome on(const PositionFix& z);
   /// One sighting by itself; without a name it is of the nearest landmark.
   Outcome on(const RangeBearing& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
   /// Ranges, poses and scans are kIgnored.
   Outcome on(const Message& message);
 

@@ -68,6 +68,8 @@ class Mcl {
   Outcome on(const PoseObservation& z);
   /// An unnamed one weighs each particle by the landmark that fits it best.
   Outcome on(const RangeBearing& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
   Outcome on(const Message& message);
 
   /// The same Mcl, at a pose.

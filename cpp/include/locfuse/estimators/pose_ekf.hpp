@@ -80,6 +80,8 @@ class PoseEkf {
   Outcome on(const PoseObservation& z);
   /// One without a name is of the nearest landmark; kNotModelled if there is no landmark.
   Outcome on(const RangeBearing& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
   /// Scans are kIgnored.
   Outcome on(const Message& message);
 

@@ -63,7 +63,10 @@ class RecoveringEkf {
   Outcome on(const Range& z);
   Outcome on(const PositionFix& z);
   Outcome on(const PoseObservation& z);
+  /// With an elevation only where is_in_space.
   Outcome on(const RangeBearing& z);
+  /// kNotModelled unless is_in_space.
+  Outcome on(const Altitude& z);
   Outcome on(const Message& message);
   /// Of use while it has no place or is lost; kIgnored.
   Outcome on(const LaserScan& z);
@@ -75,6 +78,12 @@ class RecoveringEkf {
   /// Whether a Timeline gives it the sightings of one stamp together.
   [[nodiscard]] bool fuses_jointly() const {
     return tracker_ && std::holds_alternative<LandmarkEkf>(*tracker_);
+  }
+
+  /// Whether it tracks by an AirEkf, which has a height.
+  [[nodiscard]] bool is_in_space() const {
+    const auto& tracker = recipe_->config.tracker;
+    return tracker && std::holds_alternative<AirEkf::Config>(*tracker);
   }
 
   /// kReady while it tracks; otherwise how far the start has come.
@@ -128,6 +137,8 @@ class RecoveringEkf {
   template <class M>
   [[nodiscard]] Outcome fuse(const M& z);
   [[nodiscard]] Outcome fuse_conditioned(const PositionFix& z);
+  template <class M>
+  void give(Initializer& start, const M& z) const;
   template <class M>
   void record(const M& z, const Outcome& outcome);
   void listen();  // to what health says

@@ -65,6 +65,8 @@ class SwitchingMcl {
   Outcome on(const LaserScan& z);
   Outcome on(const PoseObservation& z);
   Outcome on(const RangeBearing& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
   Outcome on(const Message& message);
 
   /// The same estimator, with particles and the UWB filter at a pose.

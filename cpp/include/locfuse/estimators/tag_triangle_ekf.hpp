@@ -77,6 +77,8 @@ class TagTriangleEkf {
   Outcome on(const Increment& u);
   /// Of a tag to an anchor.
   Outcome on(const Range& z);
+  /// Checked, and kNotModelled: it has no height.
+  Outcome on(const Altitude& z);
   /// Poses, sightings and scans are kIgnored.
   Outcome on(const Message& message);
 

@@ -14,7 +14,8 @@ namespace locfuse {
 /// Variant of all messages: the register of sensors in C++. Code that handles all of them visits
 /// it, so that the compiler reports where a new one is missing.
 using Message =
-    std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing, LaserScan>;
+    std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing, Altitude,
+                 LaserScan>;
 
 /// Stamp at which a message takes effect: its own, or for an Increment the beginning of the motion.
 [[nodiscard]] inline Stamp effective_stamp(const Increment& message) { return message.begin; }
@@ -32,15 +33,37 @@ template <class M>
 }
 
 /// Kind of source of a message.
-enum class Source : std::uint8_t { kOdometry, kRanges, kPositions, kPoses, kSightings, kScans };
-constexpr std::size_t kSources = 6;
+enum class Source : std::uint8_t {
+  kOdometry,
+  kRanges,
+  kPositions,
+  kPoses,
+  kSightings,
+  kScans,
+  kAltitudes
+};
+constexpr std::size_t kSources = 7;
 
 [[nodiscard]] inline Source source_of(const Message& message) {
   constexpr Source kOf[] = {Source::kOdometry,  Source::kOdometry, Source::kRanges,
                             Source::kPositions, Source::kPoses,    Source::kSightings,
-                            Source::kScans};
+                            Source::kAltitudes, Source::kScans};
   static_assert(std::size(kOf) == std::variant_size_v<Message>);
   return kOf[message.index()];
+}
+
+/// Throws std::invalid_argument unless the message is valid, a sighting as one from a flying body:
+/// an estimator in the plane refuses its elevation.
+inline void validate_in_space(const Message& message) {
+  std::visit(
+      [](const auto& m) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(m)>, RangeBearing>) {
+          validate_in_space(m);
+        } else {
+          validate(m);
+        }
+      },
+      message);
 }
 
 /// Place among the messages of one stamp: odometry comes first, and scans last.

@@ -81,8 +81,8 @@ struct PoseObservation {
 /// stamp it is a fix in 3D.
 struct Altitude {
   Stamp stamp = 0;
-  double height = 0.0;  ///< [m]
-  double sigma = 0.1;   ///< [m]
+  double height = 0.0;               ///< [m]
+  std::optional<double> sigma = {};  ///< [m]; else that of the model
 };
 
 /// Observation of a landmark by a sensor on the body: range, bearing or both of its centre; from a

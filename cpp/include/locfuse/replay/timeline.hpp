@@ -43,6 +43,27 @@ constexpr bool
     kSearches<Estimator, std::void_t<decltype(std::declval<const Estimator&>().has_started())>> =
         true;
 
+/// Whether an estimator may have a height, and says so.
+template <class Estimator, class = void>
+constexpr bool kMayFly = false;
+template <class Estimator>
+constexpr bool
+    kMayFly<Estimator, std::void_t<decltype(std::declval<const Estimator&>().is_in_space())>> =
+        true;
+
+/// Throws std::invalid_argument unless the message is valid for an estimator: in the plane, or in
+/// space.
+template <class Estimator>
+void validate_for(const Estimator& estimator, const Message& message) {
+  if constexpr (kMayFly<Estimator>) {
+    if (estimator.is_in_space()) {
+      validate_in_space(message);
+      return;
+    }
+  }
+  std::visit([](const auto& m) { validate(m); }, message);
+}
+
 /// Whether there is a pose to continue from.
 template <class Estimator>
 [[nodiscard]] bool has_started(const Estimator& estimator) {
@@ -165,7 +186,7 @@ class Timeline {
     if (options_.clock_jump == ClockJump::kRefuse) {
       return;
     }
-    std::visit([](const auto& message) { validate(message); }, entry.message);
+    internal::validate_for(estimator_, entry.message);
     if (!detector_.add_stale(entry, History::kMinMessages)) {
       return;
     }
@@ -177,7 +198,7 @@ class Timeline {
   /// Keeps a message that is far ahead until others show that it is right.
   template <class Sink>
   void hold(const Entry& entry, Sink& sink) {
-    std::visit([](const auto& message) { validate(message); }, entry.message);
+    internal::validate_for(estimator_, entry.message);
     sink(entry.index, Outcome{Verdict::kIgnored});
     if (detector_.add_ahead(entry)) {
       detector_.clear_stale();

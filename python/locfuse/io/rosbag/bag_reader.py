@@ -118,6 +118,7 @@ class _BagReader:
             ("positions", self._position),
             ("truth", self._truth),
             ("landmark_sightings", self._sightings),
+            ("altitudes", self._altitude),
         ):
             if key in topics:
                 self.readers[topics[key]] = key, reader
@@ -291,9 +292,15 @@ class _BagReader:
                     f"a sighting is in frame {row.frame!r}, the first in "
                     f"{self.contents.sight_frame!r}: a log has one such sensor"
                 )
-        unknown = {"sigma_range_m": np.nan, "sigma_bearing_rad": np.nan}
-        return [rows.sighting_row(row) | (unknown if row.sigma_range_m is None else {})
-                for row in found]  # fmt: skip
+        unknown = dict.fromkeys(rows.SIGHTED, np.nan)
+        return [unknown | rows.sighting_row(row) for row in found]
+
+    def _altitude(self, message: Any, _: str) -> list[Row]:
+        row = decode.altitude(message)
+        if row is None:
+            return []
+        check_frame("altitudes", row.frame, self.contents.ros.frames.map)
+        return [{"sigma_m": np.nan, **rows.altitude_row(row)}]
 
     def _transforms(self, message: Any, _: str) -> list[Row]:
         self.contents.tree.add(decode.transforms(message))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.log_folder import GEOMETRY, INCREASING, MAY_BE_EMPTY, MESSAGES, NAMES
+from locfuse.io.log_folder import GEOMETRY, INCREASING, MAY_BE_EMPTY, MESSAGES, NAMES, SCHEMA
 from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.bag_contents import BagContents
 from locfuse.io.rosbag.columns import length
@@ -23,15 +23,13 @@ Columns = dict[str, NDArray[Any]]
 
 OTHER_CLOCK_NS = 3600 * NANOSECONDS  # record times this far from stamps are of another clock
 AHEAD_NS = NANOSECONDS  # stamps this far after the recording are said
-ORDER = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "scans", "imu", "truth",
-         "relations", "anchors", "landmarks")  # fmt: skip
 
 
 def tables_of(contents: BagContents) -> dict[str, Columns]:
     """Return the tables of a log, with a warning for rows that are left out."""
     own_clock = _own_clock(contents)
     tables: dict[str, Columns] = {}
-    for stem in [stem for stem in ORDER if stem in contents.tables]:
+    for stem in [stem for stem in SCHEMA if stem in contents.tables]:
         raw = contents.tables.pop(stem).columns()
         if "record_ns" in raw:
             raw = _timed(contents, stem, raw, own_clock)
@@ -147,17 +145,23 @@ def _without_jumps(
     return motion
 
 
-def _known_sigmas(
-    stem: str, names: tuple[str, ...], contents: BagContents, raw: Columns
+def _known(
+    stem: str, names: tuple[str, ...], contents: BagContents, raw: Columns, what: str = "sigma"
 ) -> Columns:
-    """Return a table with sigmas where all rows have them, else without."""
+    """Return a table with some columns where all rows have them, else without."""
     unknown = np.isnan(raw[names[0]])
     if not unknown.any():
         return raw
     if not unknown.all():
         contents.warn(f"{int(unknown.sum())} of {len(unknown)} {stem} bring no "
-                       "sigma; those of the others are left out, too")  # fmt: skip
+                       f"{what}; those of the others are left out, too")  # fmt: skip
     return {name: values for name, values in raw.items() if name not in names}
+
+
+def _table_sightings(contents: BagContents, raw: Columns) -> Columns:
+    stem, elevation = "landmark_sightings", ("elevation_rad", "sigma_elevation_rad")
+    raw = _known(stem, elevation, contents, raw, "elevation")
+    return _known(stem, ("sigma_range_m", "sigma_bearing_rad", elevation[1]), contents, raw)
 
 
 def _table_positions(contents: BagContents, raw: Columns) -> Columns:
@@ -213,10 +217,9 @@ def _table_relations(contents: BagContents, raw: Columns) -> Columns:
 
 FINISHED: dict[str, Callable[[BagContents, Columns], Columns]] = {
     "odometry": _table_odometry,
-    "ranges": partial(_known_sigmas, "ranges", ("sigma_m",)),
-    "landmark_sightings": partial(
-        _known_sigmas, "landmark_sightings", ("sigma_range_m", "sigma_bearing_rad")
-    ),
+    "ranges": partial(_known, "ranges", ("sigma_m",)),
+    "landmark_sightings": _table_sightings,
+    "altitudes": partial(_known, "altitudes", ("sigma_m",)),
     "positions": _table_positions,
     "scans": _table_scans,
     "truth": _table_truth,

@@ -51,7 +51,7 @@ def _say_of_two_voices(contents: BagContents, bag: Bag) -> None:
 
 def _silent(contents: BagContents, bag: Bag) -> Iterator[tuple[str, str]]:
     there = {connection.topic for connection in bag.counts}
-    for key in (*TYPES, "anchors", "landmarks", "truth"):
+    for key in (*TYPES, "altitudes", "anchors", "landmarks", "truth"):
         topic = getattr(contents.ros.topics, key)
         if topic is not None and plain(topic) not in there:
             yield key, plain(topic)

@@ -172,6 +172,17 @@ class SightingRow(NamedTuple):
     sigma_range_m: float | None
     sigma_bearing_rad: float | None
     frame: str
+    elevation_rad: float | None = None  # None where it is not measured
+    sigma_elevation_rad: float | None = None
+
+
+class AltitudeRow(NamedTuple):
+    """Height of an altimeter; `sigma_m` is None where not known; a range down has no `frame`."""
+
+    stamp_ns: int
+    height_m: float
+    sigma_m: float | None
+    frame: str
 
 
 class TransformRow(NamedTuple):
@@ -212,16 +223,8 @@ def stamp_ns(stamp: Any) -> int:
 def odometry(message: Any, use: str = "pose") -> OdometryRow:
     """Return what a nav_msgs/Odometry says.
 
-    Parameters
-    ----------
-    message : nav_msgs/Odometry
-    use : str
-        ``pose`` or ``twist``: the half that is checked; of the other NaN may come.
-
-    Raises
-    ------
-    MessageError
-        If it is no Odometry, its stamp is 0, or a number that is used is not finite.
+    `use` is ``pose`` or ``twist``: the half that is checked; of the other NaN may come. Raises
+    MessageError if it is no Odometry, its stamp is 0, or a number that is used is not finite.
 
     Examples
     --------
@@ -296,10 +299,8 @@ def scan(message: Any) -> ScanRow:
     decimal that it is nearest to: of a laser that counts millimetres come millimetres. A
     time_increment by which a turn would take longer than a second is none.
 
-    Raises
-    ------
-    MessageError
-        If it is no LaserScan, its stamp is 0, it has no beam, or its geometry is none.
+    Raises MessageError if it is no LaserScan, its stamp is 0, it has no beam, or its geometry is
+    none.
     """
     header = message.header
     given = np.asarray(message.ranges, np.float32)
@@ -392,22 +393,11 @@ def ranges(
 ) -> list[RangeRow]:
     """Return what a UwbRanges, a UwbRange or a UwbData says.
 
-    Parameters
-    ----------
-    message : locfuse_msgs/UwbRanges, UwbRange or UwbData
-        Of a UwbData ids become names, and a distance of 0 is a ranging that failed.
-    unit : str
-        ``m`` or ``mm``, of the distances of a UwbData.
-    tag : str
-        Name of the tag where the message has none.
-    on_error : callable, optional
-        Called with the error of a single range, which is left out; by default it is raised.
-
-    Raises
-    ------
-    MessageError
-        If it is something else, a stamp is 0, a range negative or not finite, an anchor without
-        name, or arrays differ in length.
+    Of a UwbData ids become names, a distance of 0 is a ranging that failed, and distances are in
+    `unit`, ``m`` or ``mm``; `tag` is the name where the message has none. `on_error` is called with
+    the error of a single range, which is left out. Raises MessageError without `on_error`, or if
+    the message is something else, a stamp is 0, a range negative or not finite, an anchor without
+    name, or arrays differ in length.
 
     Examples
     --------
@@ -503,11 +493,8 @@ def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
 def pose(message: Any, *, is_stamped: bool = True) -> PoseRow:
     """Return what a geometry_msgs/PoseWithCovarianceStamped says.
 
-    Raises
-    ------
-    MessageError
-        If it is something else, its stamp is 0 though it `is_stamped`, a number is NaN, or the
-        orientation no rotation.
+    Raises MessageError if it is something else, its stamp is 0 though it `is_stamped`, a number is
+    NaN, or the orientation no rotation.
     """
     header, at = message.header, message.pose.pose.position
     x, y, orientation = float(at.x), float(at.y), message.pose.pose.orientation
@@ -622,14 +609,45 @@ def _sighting(message: Any, outer: int, frame: str) -> SightingRow:
     distance, bearing = float(message.range), float(message.bearing)
     _distance(distance, f"the range to {called}")
     _finite((bearing, f"the bearing of {called}"))
-    sigmas = float(message.sigma_range), float(message.sigma_bearing)
+    has_elevation = getattr(message, "has_elevation", False)  # not there in older ones
+    elevation = float(message.elevation) if has_elevation else 0.0
+    if not abs(elevation) <= 0.5 * math.pi:
+        raise MessageError(f"the elevation of {called} is {elevation:g} rad, expected a number "
+                           "from -pi/2 to pi/2")  # fmt: skip
+    sigmas = [float(message.sigma_range), float(message.sigma_bearing)]
+    sigmas += [float(message.sigma_elevation)] if has_elevation else []
     known = any(sigmas)
     if not all(0.0 <= sigma < math.inf and (sigma > 0.0) == known for sigma in sigmas):
+        third = f" and sigma_elevation {sigmas[2]:g}" if has_elevation else ""
         raise MessageError(f"sigma_range and sigma_bearing of {called} are {sigmas[0]:g} and "
-                           f"{sigmas[1]:g}; expected both > 0, or both 0")  # fmt: skip
-    return SightingRow(stamp, name, distance, bearing, sigmas[0] if known else None,
-                       sigmas[1] if known else None,
-                       plain(message.header.frame_id or frame))  # fmt: skip
+                           f"{sigmas[1]:g}{third}; expected both > 0, or both 0")  # fmt: skip
+    given = [*sigmas, None] if known else [None] * 3
+    return SightingRow(stamp, name, distance, bearing, given[0], given[1],
+                       plain(message.header.frame_id or frame),
+                       elevation if has_elevation else None, given[2])  # fmt: skip
+
+
+@_is("sensor_msgs/Range, geometry_msgs/PoseWithCovarianceStamped or PointStamped")
+def altitude(message: Any) -> AltitudeRow | None:
+    """Return what an altimeter says: a Range down to z = 0, or z of a pose or a point in world.
+
+    None where the ground is out of its reach. Raises MessageError if the message is something else,
+    its stamp is 0, or a number not finite.
+    """
+    if hasattr(message, "range"):
+        down = range_of(message, "", "the ground")
+        return None if down is None else AltitudeRow(down.stamp_ns, down.range_m, None, "")
+    stamp, frame = _stamped(message.header), plain(message.header.frame_id)
+    if hasattr(message, "point"):
+        z, variance = float(message.point.z), 0.0
+    else:
+        z = float(message.pose.pose.position.z)
+        variance = float(np.array(message.pose.covariance, np.float64).reshape(6, 6)[2, 2])
+    _finite((z, "z"))
+    if math.isnan(variance):
+        raise MessageError("the variance of z is NaN, expected 0 where it is not known")
+    known = variance > 0.0
+    return AltitudeRow(stamp, z, min(math.sqrt(variance), NOT_MEASURED_M) if known else None, frame)
 
 
 @_is("nav_msgs/OccupancyGrid")
@@ -639,11 +657,8 @@ def grid(message: Any) -> GridMap:
     As map_server writes probabilities: from 66 % a cell is occupied, up to 19 % free, between them
     unknown, as is -1.
 
-    Raises
-    ------
-    MessageError
-        If it is something else or without metadata: no cell, no resolution, no origin, or another
-        number of cells than width times height; or if it is nowhere, or of no size.
+    Raises MessageError if it is something else or without metadata: no cell, no resolution, no
+    origin, or another number of cells than width times height; or if it is nowhere, or of no size.
     """
     info, data = message.info, np.asarray(message.data, np.int8)
     width, height = int(info.width), int(info.height)

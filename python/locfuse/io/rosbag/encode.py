@@ -297,11 +297,23 @@ def landmark_sightings(topic: str, rows: Sequence[decode.SightingRow]) -> Public
     given = [{"header": header(row.stamp_ns, row.frame), "landmark": row.landmark,
              "range": row.range_m, "bearing": row.bearing_rad,
              "sigma_range": row.sigma_range_m or 0.0,
-             "sigma_bearing": row.sigma_bearing_rad or 0.0} for row in rows]  # fmt: skip
+             "sigma_bearing": row.sigma_bearing_rad or 0.0,
+             "has_elevation": row.elevation_rad is not None, "elevation": row.elevation_rad or 0.0,
+             "sigma_elevation": row.sigma_elevation_rad or 0.0} for row in rows]  # fmt: skip
     head = given[-1]["header"] if given else header(0, "")
     return Publication(
         topic, "locfuse_msgs/LandmarkSightings", {"header": head, "sightings": given}
     )
+
+
+def altitude(topic: str, stamp_ns: int, z: float, sigma: float | None, frame: str) -> Publication:
+    """Return a geometry_msgs/PointStamped, with a sigma a PoseWithCovarianceStamped: z alone."""
+    if sigma is None:
+        fields = {"header": header(stamp_ns, frame), "point": _point(0.0, 0.0, z)}
+        return Publication(topic, "geometry_msgs/PointStamped", fields)
+    unknown = decode.NOT_MEASURED_M**2 * np.eye(3)
+    return pose_with_covariance(topic, stamp_ns, (0.0, 0.0, 0.0), unknown, frame,
+                                height=(z, sigma * sigma))  # fmt: skip
 
 
 def tag_position(topic: str, row: decode.FixRow) -> Publication:

@@ -110,7 +110,8 @@ class LogPublications:
         streams: dict[str, Callable[[str, Columns], Iterator[Stream]]] = {
             "imu": self._imu, "odometry": self._odometry, "ranges": self._ranges,
             "positions": self._positions, "poses": self._poses,
-            "landmark_sightings": self._sightings, "scans": self._scans, "truth": self._truth,
+            "landmark_sightings": self._sightings, "altitudes": self._altitudes,
+            "scans": self._scans, "truth": self._truth,
         }  # fmt: skip
         found: list[Stream] = []
         for stem, make in streams.items():
@@ -194,10 +195,19 @@ class LogPublications:
     def _sightings(self, topic: str, table: Columns) -> Iterator[Stream]:
         frame = SIGHT_FRAME if self._log.landmark_sensor else self._base
         none = np.zeros(len(table["stamp_ns"]))
-        table = {"sigma_range_m": none, "sigma_bearing_rad": none, **table}
+        table = {"sigma_range_m": none, "sigma_bearing_rad": none, "sigma_elevation_rad": none,
+                 **table}  # fmt: skip
         names = ("landmark", "range_m", "bearing_rad", "sigma_range_m", "sigma_bearing_rad")
-        rows = (SightingRow._make((*row, frame)) for row in _rows(table, *names))
+        up = ("elevation_rad", "sigma_elevation_rad") if "elevation_rad" in table else ()
+        rows = (SightingRow._make((*row[:6], frame, *(row[6:] or (None, None))))
+                for row in _rows(table, *names, *up))  # fmt: skip
         yield _together(table["record_ns"], partial(encode.landmark_sightings, topic), rows)
+
+    def _altitudes(self, topic: str, table: Columns) -> Iterator[Stream]:
+        sigmas = table["sigma_m"].tolist() if "sigma_m" in table else repeat(None)
+        rows = zip(_rows(table, "height_m"), sigmas, strict=False)
+        yield Stream(table["record_ns"], (encode.altitude(topic, stamp, height, sigma, self.map)
+                                          for (stamp, height), sigma in rows))  # fmt: skip
 
     def _scans(self, topic: str, table: Columns) -> Iterator[Stream]:
         if self._log.laser is None:

@@ -12,6 +12,7 @@ from locfuse.io.log_folder import FORCES, RATES
 from locfuse.io.rosbag import restarts
 from locfuse.io.rosbag.decode import (
     NOT_MEASURED_M,
+    AltitudeRow,
     FixRow,
     ImuRow,
     MessageError,
@@ -25,6 +26,7 @@ from locfuse.io.rosbag.frames import Mount
 from locfuse.types import NANOSECONDS, FloatArray
 
 Row = dict[str, Any]
+SIGHTED = ("sigma_range_m", "sigma_bearing_rad", "elevation_rad", "sigma_elevation_rad")
 
 
 class Wheels:
@@ -145,6 +147,11 @@ def sighting_row(row: SightingRow) -> Row:
     """Return a landmark seen; without sigmas where they are not known."""
     found: Row = {"stamp_ns": row.stamp_ns, "landmark": row.landmark, "range_m": row.range_m,
                  "bearing_rad": row.bearing_rad}  # fmt: skip
-    if row.sigma_range_m is None:
-        return found
-    return {**found, "sigma_range_m": row.sigma_range_m, "sigma_bearing_rad": row.sigma_bearing_rad}
+    found |= {name: value for name in SIGHTED if (value := getattr(row, name)) is not None}
+    return found
+
+
+def altitude_row(row: AltitudeRow) -> Row:
+    """Return an altitude; without ``sigma_m`` where that is not known."""
+    found: Row = {"stamp_ns": row.stamp_ns, "height_m": row.height_m}
+    return found if row.sigma_m is None else {**found, "sigma_m": row.sigma_m}

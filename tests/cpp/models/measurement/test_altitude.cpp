@@ -14,11 +14,13 @@ TEST(AltitudeModel, is_the_height_of_the_altimeter) {
   EXPECT_EQ(lin.residual(0), 0.25);
   EXPECT_EQ(lin.jacobian(0), 1.0);
   EXPECT_NEAR(lin.noise(0), 0.04, 1e-17);
+  EXPECT_NEAR(AltitudeModel({0.25, 0.3}).linearize(3.0, {0, 3.5, {}}).noise(0), 0.09, 1e-17);
 }
 
 TEST(AltitudeModel, rejects_a_mount_that_is_not_finite) {
   testing::expect_refused([] { AltitudeModel({std::numeric_limits<double>::infinity()}); },
                           "altimeter_up_m");
+  testing::expect_refused([] { AltitudeModel({0.0, 0.0}); }, "altitude.sigma_m");
 }
 
 }  // namespace

@@ -420,8 +420,8 @@ def test_rosbags_reads_every_message_that_we_write(kind: str, tmp_path: Path) ->
     write_bag(full_log(arrival=False), tmp_path / f"one.{kind}")
     given = messages_of(tmp_path / f"one.{kind}")
     assert set(given) == {
-        "/odom", "/uwb", "/fix", "/amcl_pose", "/sightings", "/scan", "/ground_truth", "/map",
-        "/anchors", "/landmarks", "/tf", "/tf_static", "/locfuse/log", "/locfuse/relations",
+        "/odom", "/uwb", "/fix", "/amcl_pose", "/sightings", "/altitude", "/scan", "/ground_truth",
+        "/map", "/anchors", "/landmarks", "/tf", "/tf_static", "/locfuse/log", "/locfuse/relations",
     }  # fmt: skip
     assert [len(given[t]) for t in ("/odom", "/uwb", "/scan", "/map")] == [40, 10, 10, 1]
     assert given["/map"][0].info.width == 5

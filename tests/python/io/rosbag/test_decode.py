@@ -244,9 +244,68 @@ def test_a_position_may_be_that_of_a_tag() -> None:
 @ROS
 def test_sightings_are_range_and_bearing(ros: str) -> None:
     assert decode.sightings(sighted(ros)) == [
-        (STAMP, "tree", 4.0, 0.5, 0.1, 0.02, "eye"), (STAMP, "", 5.0, -0.5, None, None, "eye")
-    ]  # fmt: skip
+        (STAMP, "tree", 4.0, 0.5, 0.1, 0.02, "eye", None, None),
+        (STAMP, "", 5.0, -0.5, None, None, "eye", None, None),
+    ]
     assert decode.sightings(sighted(ros).sightings[0])[0].landmark == "tree"
+
+
+@ROS
+def test_sightings_of_a_body_that_flies_have_elevations(ros: str) -> None:
+    rows = [SightingRow(STAMP, "lamp", 4.0, 0.5, 0.1, 0.02, "eye", -0.3, 0.04),
+            SightingRow(STAMP, "sign", 4.0, 0.5, None, None, "eye", 0.0, None)]  # fmt: skip
+    assert decode.sightings(message(encode.landmark_sightings("s", rows), ros)) == rows
+
+
+def test_sightings_of_messages_from_before_there_were_elevations_are_read() -> None:
+    old = sighted()
+    for one in old.sightings:
+        del one.has_elevation
+        del one.elevation
+    assert decode.sightings(old) == decode.sightings(sighted())
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"elevation": 1.6}, "elevation of lamp is 1.6 rad"),
+        ({"elevation": math.nan}, "elevation of lamp is nan"),
+        ({"sigma_elevation": 0.0}, "sigma_elevation 0"),
+    ],
+)
+def test_elevations_that_cannot_be_are_refused(changes: dict[str, float], named: str) -> None:
+    row = SightingRow(STAMP, "lamp", 4.0, 0.5, 0.1, 0.02, "eye", -0.3, 0.04)
+    given = message(encode.landmark_sightings("s", [row]))
+    for name, value in changes.items():
+        setattr(given.sightings[0], name, value)
+    with pytest.raises(MessageError, match=named):
+        decode.sightings(given)
+
+
+@ROS
+def test_altitudes_are_ranges_down_points_and_poses(ros: str) -> None:
+    point = message(encode.altitude("h", STAMP, 2.5, None, "map"), ros)
+    assert decode.altitude(point) == (STAMP, 2.5, None, "map")
+    pose_with_z = message(encode.altitude("h", STAMP, 2.5, 0.3, "map"), ros)
+    assert decode.altitude(pose_with_z) == (STAMP, 2.5, 0.3, "map")
+    assert decode.altitude(pose(ros)) == (STAMP, 0.0, None, "map")
+    down = {"header": encode.header(STAMP, "sonar"), "range": 1.25, "min_range": 0.2,
+            "max_range": 4.0}  # fmt: skip
+    assert decode.altitude(message(down, ros)) == (STAMP, 1.25, None, "")
+    assert decode.altitude(message({**down, "range": math.inf}, ros)) is None
+    assert decode.altitude(message({**down, "range": 5.0}, ros)) is None
+
+
+def test_altitudes_that_cannot_be_are_refused() -> None:
+    for given, named in (
+        (encode.altitude("h", STAMP, math.nan, None, "map"), "z is nan"),
+        (encode.altitude("h", 0, 1.0, None, "map"), "the stamp is 0"),
+        (encode.altitude("h", STAMP, 1.0, math.nan, "map"), "variance of z is NaN"),
+    ):
+        with pytest.raises(MessageError, match=named):
+            decode.altitude(message(given))
+    with pytest.raises(MessageError, match="PointStamped"):
+        decode.altitude(sighted())
 
 
 def test_a_map_comes_back_to_the_last_bit() -> None:

@@ -11,11 +11,12 @@ class AltitudeModel {
  public:
   struct Config {
     double altimeter_up_m = 0.0;  ///< height above the body's origin [m]
+    double sigma_m = 0.1;         ///< of an altitude without a sigma of its own [m]
   };
 
   AltitudeModel() = default;
 
-  /// Throws std::invalid_argument if the mount is not finite.
+  /// Throws std::invalid_argument if the mount is not finite or the sigma not positive.
   explicit AltitudeModel(const Config& config);
 
   /// Expected measurement [m].
@@ -26,11 +27,13 @@ class AltitudeModel {
     Linearization<1, 1> lin;
     lin.residual(0) = z.height - predict(height);
     lin.jacobian(0) = 1.0;
-    lin.noise(0) = z.sigma * z.sigma;
+    const double sigma = z.sigma.value_or(sigma_);
+    lin.noise(0) = sigma * sigma;
     return lin;
   }
 
  private:
+  double sigma_ = Config{}.sigma_m;
   double altimeter_up_ = 0.0;
 };
 
