@@ -380,7 +380,8 @@ void bind_models(py::module_& m) {
       .def_readwrite("sigma_m", &PoseConfig::sigma_m)
       .def_readwrite("sigma_heading_rad", &PoseConfig::sigma_heading_rad)
       .def_readwrite("least_sigma_m", &PoseConfig::least_sigma_m)
-      .def_readwrite("least_sigma_heading_rad", &PoseConfig::least_sigma_heading_rad);
+      .def_readwrite("least_sigma_heading_rad", &PoseConfig::least_sigma_heading_rad)
+      .def_readwrite("shares_odometry", &PoseConfig::shares_odometry);
   py::class_<PoseModel>(m, "PoseModel", "Pose from another localizer; docs/models/pose.md.")
       .def(py::init<>())
       .def(py::init<const PoseConfig&>(), py::arg("config"))

@@ -11,6 +11,7 @@
 
 #include "estimators/innovation.hpp"
 #include "estimators/recipe.hpp"
+#include "locfuse/filters/covariance_intersection.hpp"
 
 namespace locfuse {
 using internal::Transaction;
@@ -177,11 +178,46 @@ Outcome PoseEkf::on(const PoseObservation& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
+  if (recipe_->config.pose.shares_odometry && recipe_->pose_noise.is_gaussian()) {
+    return intersect(z);
+  }
   return correct(Source::kPoses, z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
                  [&](const Pose2& pose) {
                    return internal::of_source(recipe_->config, recipe_->pose.linearize(pose, z),
                                               Source::kPoses);
                  });
+}
+
+/// Fuses a pose whose errors may be those of the belief: by covariance intersection, as far as
+/// independent errors would pass the gate; docs/models/covariance_intersection.md.
+Outcome PoseEkf::intersect(const PoseObservation& z) {
+  if (z.stamp < belief_.stamp) {
+    return {Verdict::kStale};
+  }
+  Transaction<3> transaction(belief_, z.stamp);
+  advance_to(z.stamp);
+  auto lin = recipe_->pose.linearize(pose(), z);
+  if (!lin) {
+    return transaction.close({Verdict::kNotModelled});
+  }
+  lin->noise *= adaptive_.factor(Source::kPoses);
+  const double variance = std::pow(std::max(lin->noise.determinant(), 0.0),
+                                   1.0 / static_cast<double>(lin->noise.rows()));
+  Outcome outcome = update(belief_, *lin, body_, Gate::closed());
+  outcome.limit = recipe_->pose_gate.limit(outcome.dof);
+  if (outcome.nis <= outcome.limit) {
+    outcome.verdict = Verdict::kFused;
+    if (outcome.dof == 3) {  // every axis is measured
+      const double weight = intersection_weight(belief_.marginal_of_first<3>(), lin->noise);
+      widen(belief_, body_, 1.0 / weight);
+      lin->noise /= 1.0 - weight;
+    }
+    (void)update(belief_, *lin, body_, Gate());
+  }
+  if (adaptive_.is_on()) {
+    adaptive_.record(Source::kPoses, outcome, variance);
+  }
+  return transaction.close(outcome);
 }
 
 Outcome PoseEkf::on(const RangeBearing& z) {

@@ -111,6 +111,8 @@ def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
     """Return a filter that starts by itself and reports when it is lost, as a run configures it."""
     recovering = _core.RecoveringEkfConfig()
     recovering.estimator = build_estimator_config(config.estimator)
+    if config.mcl is not None:
+        recovering.estimator.pose.shares_odometry = True
     if config.estimator.kind == "landmark_slam":
         recovering.tracker = build_landmark_config(config.estimator)
     elif config.estimator.filter == "tag_triangle":

@@ -109,6 +109,8 @@ class Pose(Strict):
     """Minimum position sigma of any pose [m]."""
     least_sigma_heading_rad: Positive = 1e-4
     """Minimum heading sigma of any pose [rad]."""
+    shares_odometry: bool = False
+    """Whether the localizer, such as AMCL, goes by the same odometry."""
 
 
 class Limits(Strict):
@@ -458,6 +460,10 @@ class Estimator(Strict):
                 of = "pose" if key in _OF_POSE else key
                 raise ValueError(f"{key} is set, but it belongs to kind {of!r}, and kind is "
                                  f"{self.kind!r}; remove it, or change kind")  # fmt: skip
+        if self.pose.shares_odometry and self.filter != "pose":
+            raise ValueError(
+                "pose.shares_odometry is set, but it belongs to kind 'pose'; remove it"
+            )
         return self
 
     @model_validator(mode="after")

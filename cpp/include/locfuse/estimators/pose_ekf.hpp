@@ -154,6 +154,7 @@ class PoseEkf {
   Outcome correct(std::optional<Source> source, Stamp stamp, const Gate& gate, const Noise& noise,
                   Slots slots, const Linearize& linearize);
   Outcome correct_by(const Range& z, const Gate& gate);
+  Outcome intersect(const PoseObservation& z);
   template <class Linearize>
   Outcome correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize);
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> sight(

@@ -13,9 +13,8 @@ namespace locfuse {
 
 /// Variant of all messages: the register of sensors in C++. Code that handles all of them visits
 /// it, so that the compiler reports where a new one is missing.
-using Message =
-    std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing, Altitude,
-                 LaserScan>;
+using Message = std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing,
+                             Altitude, LaserScan>;
 
 /// Stamp at which a message takes effect: its own, or for an Increment the beginning of the motion.
 [[nodiscard]] inline Stamp effective_stamp(const Increment& message) { return message.begin; }
