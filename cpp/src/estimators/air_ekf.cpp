@@ -3,12 +3,15 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "estimators/recipe.hpp"
+#include "locfuse/frontends/multilateration.hpp"
+#include "locfuse/math/angle.hpp"
 #include "locfuse/math/symmetric.hpp"
 #include "math/sigma.hpp"
 
@@ -21,6 +24,14 @@ double variance_of(const char* name, double sigma) {
   internal::sigma_in_bounds(name, sigma);
   return sigma * sigma;
 }
+
+/// Docs/air.md.
+struct AirTuning {
+  /// Time in which a belief grows by so little that its bend is that of before [s].
+  static constexpr double kFlatSeconds = 0.1;
+  /// Ranges of which any one is left out for a place; of more an outlier has less weight.
+  static constexpr Eigen::Index kMaxSpare = 12;
+};
 
 constexpr Source kAltitudes = Source::kScans;  // of no other source of it: it takes no scans
 
@@ -264,6 +275,188 @@ void AirEkf::advance_to(Stamp stamp) {
   const double seconds = seconds_between(belief_.stamp, stamp);
   predict(belief_, recipe_->constant_velocity.propagate(belief_.mean(moving_), seconds), moving_);
   belief_.stamp = stamp;
+}
+
+double AirEkf::bend(const Range& z) const {
+  validate(z);
+  if (seconds_between(belief_.stamp, z.stamp) > AirTuning::kFlatSeconds) {
+    AirEkf carried = *this;
+    carried.advance_to(z.stamp);
+    return carried.bend({carried.belief_.stamp, z.tag, z.anchor, z.range, z.sigma});
+  }
+  const auto lin = recipe_->range.linearize(pose(), height(), z);
+  if (!lin) {
+    return 0.0;
+  }
+  const Matrix<3, 3> P = spread();
+  const Vector<3> along(lin->jacobian(0), lin->jacobian(1), lin->jacobian(3));
+  const double across = P.trace() - along.dot(P * along) / along.squaredNorm();
+  const double sigma = std::sqrt(lin->noise(0));
+  return across / (2.0 * std::max({z.range, z.range - lin->residual(0), sigma}) * sigma);
+}
+
+/// Covariance of (x, y, height), as gains have it.
+Matrix<3, 3> AirEkf::spread() const {
+  const std::array<int, 3> rows{0, 1, belief_.offset(height_)};
+  return belief_.P(rows, rows);
+}
+
+Vector<3> AirEkf::place_at(Stamp at) const {
+  Vector<3> place(pose().x, pose().y, height());
+  if (recipe_->config.motion == AirMotion::kConstantVelocity) {
+    const int velocity = belief_.offset(moving_[2]);
+    const std::array<int, 3> rows{velocity, velocity + 1, belief_.offset(moving_[3])};
+    place += seconds_between(belief_.stamp, at) * Vector<3>(belief_.x(rows));
+  }
+  return place;
+}
+
+/// Second moment of the velocity along a direction; 0 where odometry moves the body.
+double AirEkf::squared_speed(const Vector<3>& along) const {
+  if (recipe_->config.motion == AirMotion::kOdometry) {
+    return 0.0;
+  }
+  const int velocity = belief_.offset(moving_[2]);
+  const std::array<int, 3> rows{velocity, velocity + 1, belief_.offset(moving_[3])};
+  const Matrix<3, 3> P = belief_.P(rows, rows);
+  const Vector<3> mean = belief_.x(rows);
+  return along.dot(P * along) + std::pow(along.dot(mean), 2);
+}
+
+std::vector<Vector<3>> AirEkf::places(const std::vector<Range>& ranges) const {
+  std::vector<double> rows;
+  std::vector<double> distances;
+  std::vector<double> sigmas;
+  for (const Range& z : ranges) {
+    const Anchor* anchor = recipe_->range.anchors().find(z.anchor);
+    const auto lin = recipe_->range.linearize(pose(), height(), z);
+    const double distance = anchor != nullptr ? (z.range - anchor->offset) / anchor->scale : 0.0;
+    if (!lin || !(distance > 0.0) || static_cast<int>(distances.size()) == kMaxRanges) {
+      continue;
+    }
+    const std::vector<Tag>& tags = recipe_->range.tags();
+    const auto tag =
+        std::find_if(tags.begin(), tags.end(), [&](const Tag& one) { return one.id == z.tag; });
+    const Vector<2> arm = Pose2{0.0, 0.0, pose().heading}.act(tag->position.head<2>());
+    rows.insert(rows.end(), {anchor->position.x() - arm.x(), anchor->position.y() - arm.y(),
+                             anchor->position.z() - tag->position.z()});
+    distances.push_back(distance);
+    sigmas.push_back(std::sqrt(lin->noise(0)) / anchor->scale);
+  }
+  if (distances.empty()) {
+    return {};
+  }
+  const auto size = static_cast<Eigen::Index>(distances.size());
+  const Eigen::Map<const Eigen::VectorXd> measured(distances.data(), size);
+  const Eigen::Map<const Eigen::VectorXd> noise(sigmas.data(), size);
+  const AnchorTable table{RowsView(rows.data(), size, 3)};
+  const RangeLayout<3> layout(table, noise);
+  const Vector<3> mean = Vector<3>(pose().x, pose().y, height()) - layout.centre;
+  const PositionPrior<3> prior{mean, spread().diagonal().cwiseInverse()};
+  std::vector<Vector<3>> starts{mean};
+  const auto start_without = [&](Eigen::Index left_out) {
+    RangeIndices chosen(size - (left_out < size ? 1 : 0));
+    for (Eigen::Index i = 0; i < chosen.size(); ++i) {
+      chosen(i) = static_cast<int>(i < left_out ? i : i + 1);
+    }
+    const RangeLayout<3> others(table, noise, chosen);
+    if (others.size < 3 || others.within(1)) {
+      return;
+    }
+    const Ranges kept =
+        Ranges::NullaryExpr(chosen.size(), [&](Eigen::Index i) { return measured(chosen(i)); });
+    const RangeMinima<3> minima = internal::find_minima<3>(others, kept, RangeLoss{}, -1.0);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(minima.count); ++i) {
+      starts.emplace_back(minima.fit[i].position + others.centre - layout.centre);
+    }
+  };
+  start_without(size);
+  for (Eigen::Index i = 0; size <= AirTuning::kMaxSpare && i < size; ++i) {
+    start_without(i);  // any of them may be wrong
+  }
+  RangeMinima<3> found;
+  for (const Vector<3>& start : starts) {
+    const RangeFit<3> fit =
+        fit_ranges<3>(layout, measured, start, {RangeLossKind::kCauchy, 0.0}, prior);
+    if (fit.converged && !fit.saddle) {
+      found.add(fit, layout.largest_sigma);
+    }
+  }
+  std::vector<Vector<3>> places;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(found.count); ++i) {
+    places.emplace_back(found.fit[i].position + layout.centre);
+  }
+  return places;
+}
+
+Outcome AirEkf::on_at(const Range& z, const Vector<3>& place, Stamp at) {
+  validate(z);
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible};
+  }
+  auto lin = recipe_->range.linearize({place.x(), place.y(), pose().heading}, place.z(), z);
+  if (lin) {
+    const Vector<3> along(lin->jacobian(0), lin->jacobian(1), lin->jacobian(3));
+    const double seconds = seconds_between(at, z.stamp);
+    const double moved = seconds * seconds * squared_speed(along);
+    if (lin->residual.squaredNorm() > recipe_->range_gate.limit(1) * (lin->noise(0) + moved)) {
+      return {Verdict::kGated};
+    }
+  }
+  return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, place_, [&] {
+    if (lin) {
+      const Vector<4> off(pose().x - place.x(), pose().y - place.y(), 0.0, height() - place.z());
+      lin->residual -= lin->jacobian * off;
+    }
+    return internal::of_source(recipe_->config, std::move(lin), Source::kRanges,
+                               internal::link_of(z));
+  });
+}
+
+AirEkf AirEkf::mixed(double weight,
+                     const std::vector<std::pair<const AirEkf*, double>>& others) const {
+  AirEkf sum = *this;
+  std::vector<AirEkf> rest;
+  for (const auto& other : others) {
+    sum.advance_to(other.first->belief_.stamp);
+    rest.push_back(*other.first);
+  }
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(sum.belief_.x.size());
+  Eigen::MatrixXd P = weight * Eigen::MatrixXd(sum.belief_.P);
+  const Eigen::VectorXd x = sum.belief_.x;
+  const auto off_of = [&](const GaussianBelief& other) {
+    Eigen::VectorXd off = other.x - x;
+    off(2) = wrap_angle(off(2));
+    return off;
+  };
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    rest[i].advance_to(sum.belief_.stamp);
+    mean += others[i].second * off_of(rest[i].belief_);
+  }
+  P += weight * mean * mean.transpose();
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    const Eigen::VectorXd off = off_of(rest[i].belief_) - mean;
+    P += others[i].second * (Eigen::MatrixXd(rest[i].belief_.P) + off * off.transpose());
+  }
+  sum.belief_.x += mean;
+  sum.belief_.x(2) = wrap_angle(sum.belief_.x(2));
+  sum.belief_.P = 0.5 * (P + P.transpose());
+  return sum;
+}
+
+AirEkf AirEkf::anywhere(double span) const {
+  AirEkf other = *this;
+  Eigen::VectorXd variance = Eigen::VectorXd::Constant(belief_.x.size(), span * span / 3.0);
+  variance(2) = kPi * kPi / 3.0;
+  if (recipe_->config.motion == AirMotion::kConstantVelocity) {
+    const double velocity = recipe_->config.sigma_start_velocity_mps;
+    const double climb = recipe_->config.sigma_start_climb_mps;
+    variance.tail<3>() << velocity * velocity, velocity * velocity, climb * climb;
+    other.belief_.x.tail<3>().setZero();
+  }
+  other.belief_.P = Eigen::MatrixXd(variance.asDiagonal());
+  other.belief_.correlated = belief_.correlated.restarted();
+  return other;
 }
 
 AirEkf AirEkf::continued_at(Stamp stamp) const {

@@ -799,9 +799,7 @@ class RunConfig(Strict):
     health: Health = Field(default_factory=Health)
     """Monitor of [how far the estimate may be trusted](health.md)."""
     when_lost: Literal["restart", "go_on"] = "restart"
-    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` and `air`
-    continue.
-    """
+    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` continues."""
     mcl: Mcl | None = None
     """Fuse scans on the map of the log, too: [Localize on a map](localize.md)."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "locfuse/estimators/held_motion.hpp"
@@ -104,6 +105,26 @@ class AirEkf {
   /// What `on` would compare, but fuses nothing: kGated in place of kFused.
   Outcome weigh(const Range& z);
 
+  /// How far ranges like this one are from flat over the belief, once that is carried to its stamp:
+  /// what one sigma across the line of sight changes, in sigmas of its noise; eq. (3) of
+  /// docs/air.md. 0 for one that is not modelled.
+  [[nodiscard]] double bend(const Range& z) const;
+  /// The places (x, y, height) that ranges of about one moment and the belief allow: the minima of
+  /// their costs, the likeliest first.
+  [[nodiscard]] std::vector<Vector<3>> places(const std::vector<Range>& ranges) const;
+  /// The same as `on`, but linearized at `place`, (x, y, height), where the body is at stamp `at`:
+  /// kGated also if it does not fit there.
+  Outcome on_at(const Range& z, const Vector<3>& place, Stamp at);
+  /// (x, y, height) at a stamp beside that of the belief, by the velocity if that is a state.
+  [[nodiscard]] Vector<3> place_at(Stamp at) const;
+  /// The mixture of this, with its weight, and others of the same recipe with theirs, as one
+  /// Gaussian at the stamp of the newest; the weights sum to 1.
+  [[nodiscard]] AirEkf mixed(double weight,
+                             const std::vector<std::pair<const AirEkf*, double>>& others) const;
+  /// The same that may be anywhere within about `span` [m] to either side, at any heading, with
+  /// the velocity of a start.
+  [[nodiscard]] AirEkf anywhere(double span) const;
+
   /// The same place and velocity, those of `estimate`, on a clock that now shows `stamp`. Throws
   /// std::invalid_argument if the stamp is beyond kStampLimit.
   [[nodiscard]] AirEkf continued_at(Stamp stamp) const;
@@ -127,6 +148,8 @@ class AirEkf {
   template <class Motion>
   Outcome take(const Motion& u, double climb_rate);
   void lift(Stamp stamp);
+  [[nodiscard]] Matrix<3, 3> spread() const;
+  [[nodiscard]] double squared_speed(const Vector<3>& along) const;
   Outcome correct_by(const Range& z, const Gate& gate);
   template <class Noise, class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
