@@ -64,7 +64,8 @@ def silence(config: RunConfig, log: Log, places: int = PLACES) -> Silence:
         assert errors.sigma is not None
         late = errors.stamp_ns / NANOSECONDS >= again
         off = np.linalg.norm(errors.position[late], axis=1)
-        beyond = (np.abs(errors.position) > 3.0 * errors.sigma[:, :2]).any(axis=1)[late]
+        sigma = errors.sigma[late, :2]
+        beyond = (np.abs(errors.position[late]) > 3.0 * sigma).any(axis=1)
         sure += bool((beyond & (off > WRONG_M)).any())
         back = np.flatnonzero(off < BACK_M)
         after.append(errors.stamp_ns[late][back[0]] / NANOSECONDS - again if len(back) else np.inf)

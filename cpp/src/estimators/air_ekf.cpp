@@ -2,6 +2,7 @@
 #include "locfuse/estimators/air_ekf.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -31,11 +32,44 @@ struct AirTuning {
   static constexpr double kFlatSeconds = 0.1;
   /// Ranges of which any one is left out for a place; of more an outlier has less weight.
   static constexpr Eigen::Index kMaxSpare = 12;
+  /// Share of the variance along anchors that they have across, or they are in a line.
+  static constexpr double kMinBreadth = 1e-3;
+  /// Sigmas of the distance to the anchors' plane between which an image is another place.
+  static constexpr double kMinImage = 0.6;
+  static constexpr double kMaxImage = 2.5;
+  /// Probability of being inside the room below which an image is no other place.
+  static constexpr double kMinInside = 1e-3;
 };
+
+constexpr double kUnbounded = 1e9;  // [m]
 
 constexpr Source kAltitudes = Source::kScans;  // of no other source of it: it takes no scans
 
 Matrix<1, 1> scalar(double value) { return Matrix<1, 1>(value); }
+
+/// The plane in which anchors are.
+AirEkf::Plane plane_of(const std::shared_ptr<const AnchorMap>& anchors) {
+  AirEkf::Plane plane;
+  if (anchors == nullptr || anchors->anchors().size() < 3) {
+    return plane;
+  }
+  const double share = 1.0 / static_cast<double>(anchors->anchors().size());
+  for (const Anchor& anchor : anchors->anchors()) {
+    plane.centre += share * anchor.position;
+  }
+  Matrix<3, 3> moments = Matrix<3, 3>::Zero();
+  for (const Anchor& anchor : anchors->anchors()) {
+    const Vector<3> off = anchor.position - plane.centre;
+    moments += share * off * off.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix<3, 3>> eigen(moments);
+  plane.exists = eigen.eigenvalues()(1) > AirTuning::kMinBreadth * eigen.eigenvalues()(2);
+  plane.normal = eigen.eigenvectors().col(0);
+  return plane;
+}
+
+/// Probability that a standard normal variable is less.
+double normal_below(double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); }
 
 /// The height of a start, with what it shares with the pose.
 Slot add_height(GaussianBelief& belief, Slot body, const AirEstimate& start) {
@@ -55,6 +89,7 @@ Slot add_height(GaussianBelief& belief, Slot body, const AirEstimate& start) {
 
 struct AirEkf::Recipe {
   Config config;
+  Plane plane;  // of the anchors
   OdometryMotion motion;
   OdometryMotion lost;
   double height_per_s;
@@ -81,6 +116,7 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
                std::vector<Tag> tags, const AirEstimate& start, LandmarkSensor landmarks)
     : recipe_(std::make_shared<const Recipe>(Recipe{
           config,
+          plane_of(anchors),
           OdometryMotion(config.odometry),
           internal::lost_motion(config),
           variance_of("sigma_height_per_sqrt_s", config.sigma_height_per_sqrt_s),
@@ -115,6 +151,11 @@ AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
   const double velocity =
       internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
   const double climb = internal::positive("sigma_start_climb_mps", config.sigma_start_climb_mps);
+  if (!(config.min_height_m < config.max_height_m)) {
+    throw std::invalid_argument("min_height_m is " + std::to_string(config.min_height_m) +
+                                " and max_height_m is " + std::to_string(config.max_height_m) +
+                                ", expected min_height_m < max_height_m");
+  }
   if (config.motion == AirMotion::kConstantVelocity) {
     moving_.push_back(belief_.add("velocity", SlotKind::kPoint2, Vector<2>::Zero(),
                                   velocity * velocity * Matrix<2, 2>::Identity()));
@@ -270,11 +311,13 @@ void AirEkf::advance_to(Stamp stamp) {
   if (recipe_->config.motion == AirMotion::kOdometry) {
     lift(stamp);
     internal::advance(*recipe_, odometry_, body_, belief_, stamp);
+    stay_inside();
     return;
   }
   const double seconds = seconds_between(belief_.stamp, stamp);
   predict(belief_, recipe_->constant_velocity.propagate(belief_.mean(moving_), seconds), moving_);
   belief_.stamp = stamp;
+  stay_inside();
 }
 
 double AirEkf::bend(const Range& z) const {
@@ -293,6 +336,84 @@ double AirEkf::bend(const Range& z) const {
   const double across = P.trace() - along.dot(P * along) / along.squaredNorm();
   const double sigma = std::sqrt(lin->noise(0));
   return across / (2.0 * std::max({z.range, z.range - lin->residual(0), sigma}) * sigma);
+}
+
+std::optional<std::pair<AirEkf, double>> AirEkf::image() const {
+  const AirEkf::Plane& plane = recipe_->plane;
+  if (!plane.exists || recipe_->range.tags().empty()) {
+    return std::nullopt;
+  }
+  const Vector<3>& normal = plane.normal;
+  const Vector<3> arm = recipe_->range.tags().front().position;
+  const Vector<2> turned = pose().act(arm.head<2>());
+  const Vector<3> tag(turned.x(), turned.y(), height() + arm.z());
+  const double beside = normal.dot(tag - plane.centre);
+  const double sigma = std::sqrt(normal.dot(spread() * normal));
+  if (!(std::abs(beside) > AirTuning::kMinImage * sigma &&
+        std::abs(beside) < AirTuning::kMaxImage * sigma)) {
+    return std::nullopt;
+  }
+  const Vector<3> mirrored = tag - 2.0 * beside * normal;
+  const double noise = recipe_->config.range.sigma_m;
+  const std::vector<Anchor>& anchors = recipe_->range.anchors().anchors();
+  if (std::any_of(anchors.begin(), anchors.end(), [&](const Anchor& anchor) {
+        const double there = (mirrored - anchor.position).norm();
+        return std::abs(there - (tag - anchor.position).norm()) > noise;
+      })) {
+    return std::nullopt;
+  }
+  AirEkf other = *this;
+  const int up = belief_.offset(height_);
+  Matrix<3, 3> reflection = Matrix<3, 3>::Identity() - 2.0 * normal * normal.transpose();
+  Eigen::MatrixXd turn = Eigen::MatrixXd::Identity(belief_.x.size(), belief_.x.size());
+  const auto reflect = [&](const std::array<int, 3>& rows) { turn(rows, rows) = reflection; };
+  reflect({0, 1, up});
+  if (moving_.size() > place_.size()) {
+    const int first = belief_.offset(moving_[2]);
+    reflect({first, first + 1, belief_.offset(moving_[3])});
+  }
+  other.belief_.x = turn * belief_.x;
+  const Vector<3> moved = mirrored - tag;
+  other.belief_.x(0) = belief_.x(0) + moved.x();
+  other.belief_.x(1) = belief_.x(1) + moved.y();
+  other.belief_.x(up) = belief_.x(up) + moved.z();
+  const Eigen::MatrixXd P = turn * Eigen::MatrixXd(belief_.P) * turn.transpose();
+  other.belief_.P = 0.5 * (P + P.transpose());
+  const double below = normal_below(-std::abs(beside) / sigma);
+  if (other.log_inside() < std::log(AirTuning::kMinInside)) {
+    return std::nullopt;
+  }
+  return std::pair(std::move(other), below / (1.0 - below));
+}
+
+double AirEkf::log_inside() const {
+  const Config& config = recipe_->config;
+  if (config.min_height_m <= -kUnbounded && config.max_height_m >= kUnbounded) {
+    return 0.0;
+  }
+  const double sigma = std::sqrt(current().covariance(3, 3));
+  const double inside = normal_below((config.max_height_m - height()) / sigma) -
+                        normal_below((config.min_height_m - height()) / sigma);
+  return std::log(std::max(inside, 1e-100));
+}
+
+/// A belief is no vaguer than the room: eq. (5) of docs/air.md.
+void AirEkf::stay_inside() {
+  const Config& config = recipe_->config;
+  const double room = config.max_height_m - config.min_height_m;
+  if (room >= kUnbounded) {
+    return;
+  }
+  const double most = room * room / 12.0;
+  const double P = belief_.P(belief_.offset(height_), belief_.offset(height_));
+  if (P <= most) {
+    return;
+  }
+  Linearization<1, 1> lin;
+  lin.residual(0) = 0.5 * (config.min_height_m + config.max_height_m) - height();
+  lin.jacobian(0) = 1.0;
+  lin.noise(0) = P * most / (P - most);
+  (void)update(belief_, lin, height_, Gate());
 }
 
 /// Covariance of (x, y, height), as gains have it.

@@ -20,9 +20,10 @@ struct AirSumTuning {
   static constexpr double kSameDistance = 1.0;  ///< squared Mahalanobis distance of one place
   static constexpr double kMuchVaguer = 4.0;    ///< traces of two that are not one place
   static constexpr int kPasses = 3;  ///< of updates, each linearized where the last one ended
-  static constexpr double kVagueBend = 1.0;  ///< from which on ranges are fused together
-  static constexpr double kMaxBend = 1.0;    ///< up to which a place is one, once they are
-  static constexpr double kMaxEpochs = 5.0;  ///< for how many epochs ranges are kept
+  static constexpr double kVagueBend = 1.0;    ///< from which on ranges are fused together
+  static constexpr double kMaxBend = 1.0;      ///< up to which a place is one, once they are
+  static constexpr double kTrackedBend = 2.0;  ///< up to which a body was not lost before
+  static constexpr double kMaxEpochs = 5.0;    ///< for how many epochs ranges are kept
 };
 
 /// Whether they say the same: within one sigma of each other, and neither is much vaguer.
@@ -44,6 +45,10 @@ AirSum::AirSum(const Config& config, const AirEkf& start)
 
 void AirSum::add(const AirEkf& start, double odds) {
   components_.push_back({start, std::log(odds), true});
+}
+
+void AirSum::add_image(const AirEkf& image, double odds) {
+  components_.push_back({image, std::log(odds), components_.front().moved});
 }
 
 bool AirSum::is_vague(const AirEkf& ekf, const Range& z) {
@@ -145,8 +150,11 @@ void AirSum::close() {
   std::vector<Component> before = std::exchange(components_, std::move(fused));
   if (!components_.empty()) {
     reduce();
-    if (std::all_of(components_.begin(), components_.end(),
-                    [&](const Component& c) { return bend(c) <= AirSumTuning::kMaxBend; })) {
+    const auto is_flat = [this](double limit) {
+      return [this, limit](const Component& c) { return bend(c) <= limit; };
+    };
+    if (std::all_of(components_.begin(), components_.end(), is_flat(AirSumTuning::kMaxBend)) ||
+        std::all_of(before.begin(), before.end(), is_flat(AirSumTuning::kTrackedBend))) {
       epoch_.clear();
       return;
     }
@@ -220,6 +228,10 @@ void AirSum::fuse_at(const Component& from, const Vector<3>& place, const std::v
 }
 
 void AirSum::reduce() {
+  for (Component& component : components_) {
+    const double inside = std::min(component.log_inside, component.ekf.log_inside());
+    component.log_weight += inside - std::exchange(component.log_inside, inside);
+  }
   std::stable_sort(
       components_.begin(), components_.end(),
       [](const Component& a, const Component& b) { return a.log_weight > b.log_weight; });

@@ -272,7 +272,11 @@ Outcome RecoveringEkf::track(const M& message) {
     }
   }
   if (!places_) {
-    return of(*tracker_, [&](auto& ekf) { return ekf.on(message); });
+    const Outcome outcome = of(*tracker_, [&](auto& ekf) { return ekf.on(message); });
+    if (kIsRange && outcome.verdict == Verdict::kFused) {
+      mirror();
+    }
+    return outcome;
   }
   const Outcome outcome = places_->on(message);
   tracker_ = places_->mean();
@@ -284,6 +288,18 @@ Outcome RecoveringEkf::track(const M& message) {
     places_.reset();
   }
   return outcome;
+}
+
+/// Near the plane of its anchors a body in space may be on either side.
+void RecoveringEkf::mirror() {
+  const auto* air = std::get_if<AirEkf>(&*tracker_);
+  if (air == nullptr || places_) {
+    return;
+  }
+  if (const auto image = air->image()) {
+    places_.emplace(recipe_->places(), *air);
+    places_->add_image(image->first, image->second);
+  }
 }
 
 template <class M>
@@ -422,7 +438,12 @@ Initializer::State RecoveringEkf::state() const {
 
 HealthReport RecoveringEkf::health() const {
   if (tracker_) {
-    return health_.report(believed());
+    HealthReport report = health_.report(believed());
+    if (places_ && places_->is_ambiguous() && report.state != HealthState::kLost) {
+      report.state = HealthState::kAmbiguous;
+      report.reason = HealthReason::kSeveralPlaces;
+    }
+    return report;
   }
   HealthReport report;
   if (start_->state().status == StartStatus::kAmbiguous) {

@@ -326,6 +326,10 @@ class Air(Strict):
     """Height at the start; with `start: truth` that of the reference, if it has one [m]."""
     sigma_start_height_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.3
     """Sigma of that height [m]."""
+    min_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = -1e9
+    """Floor of the room: the body's origin is [above it](air.md#vague-beliefs) [m]."""
+    max_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 1e9
+    """Ceiling of the room [m]."""
     sensor_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """Height of the landmark sensor over the body's origin [m]."""
 

@@ -8,6 +8,7 @@
 #include "locfuse/estimators/air_sum.hpp"
 #include "locfuse/estimators/recovering_ekf.hpp"
 #include "support/consistency.hpp"
+#include "support/expect.hpp"
 #include "support/flight.hpp"
 
 namespace locfuse::test_air_sum {
@@ -140,6 +141,94 @@ TEST(AirSum, a_flight_is_found_again_by_ranges_of_which_some_are_wrong) {
   const AfterSilence found = silence(testing::corners(), 20, recovering);
   EXPECT_GE(found.back, kFlights - 2);  // some are 100 m away
   EXPECT_LE(found.sure_and_wrong, 1);
+}
+
+/// Four anchors at 0.57 m, in the air above which and below which ranges are the same.
+std::vector<Anchor> in_a_plane() {
+  return {{0, {1.5, 1.5, 0.57}},
+          {1, {-1.5, 1.5, 0.57}},
+          {2, {-1.5, -1.5, 0.57}},
+          {3, {1.5, -1.5, 0.57}}};
+}
+
+AirEkf::Config config_in_room(double max_height) {
+  AirEkf::Config config;
+  config.motion = AirMotion::kConstantVelocity;
+  config.range.sigma_m = 0.1;
+  config.correlation_s = 0.0;
+  if (max_height > 0.0) {
+    config.min_height_m = 0.0;
+    config.max_height_m = max_height;
+  }
+  return config;
+}
+
+AirEkf on_the_floor(const AirEkf::Config& config) {
+  const Vector<4> sigma(0.3, 0.3, 0.1, 0.3);
+  return {config,
+          std::make_shared<AnchorMap>(in_a_plane()),
+          {{0, {0.0, 0.0, 0.0}}},
+          {0, {0.2, -0.1, 0.0}, 0.1, sigma.cwiseAbs2().asDiagonal()}};
+}
+
+/// How many of 30 flights from the floor to 2 m end within 0.5 m of that height.
+template <class Ekf>
+int at_two_metres(const Ekf& start) {
+  int right = 0;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    testing::Rng rng(seed);
+    Ekf ekf = start;
+    for (Stamp now = kTick; now <= 30 * kSecond; now += kTick) {
+      const double second = static_cast<double>(now) / kNanosecondsPerSecond;
+      const Vector<3> place(0.2 + 0.5 * std::sin(0.5 * second), -0.1,
+                            std::clamp(0.1 + 0.2 * (second - 5.0), 0.1, 2.0));
+      const Anchor a = in_a_plane()[static_cast<std::size_t>(now / kTick) % 4];
+      (void)ekf.on(
+          Range{now, 0, a.id, (place - a.position).norm() + testing::normal(rng, 0.1), {}});
+    }
+    right += std::abs(estimate_of(ekf, 30 * kSecond).height - 2.0) < 0.5 ? 1 : 0;
+  }
+  return right;
+}
+
+TEST(AirSum, a_floor_tells_on_which_side_of_its_anchors_a_body_is) {
+  const auto flights = [](double max_height) {
+    RecoveringEkf::Config config;
+    config.tracker = config_in_room(max_height);
+    RecoveringEkf ekf(config, std::make_shared<AnchorMap>(in_a_plane()), {{0, {0, 0, 0}}}, nullptr);
+    ekf.start_with(on_the_floor(config_in_room(max_height)));
+    return at_two_metres(ekf);
+  };
+  EXPECT_EQ(flights(2.5), 30);
+  EXPECT_EQ(flights(4.0), 30);
+  EXPECT_LT(at_two_metres(on_the_floor(config_in_room(0.0))), 29);
+}
+
+TEST(AirEkf, is_mirrored_where_ranges_cannot_tell) {
+  const AirEkf ekf = on_the_floor(config_in_room(2.5));
+  const auto image = ekf.image();
+  ASSERT_TRUE(image);
+  EXPECT_NEAR(image->first.height(), 2.0 * 0.57 - 0.1, 1e-12);
+  EXPECT_NEAR(image->first.pose().x, ekf.pose().x, 1e-12);
+  EXPECT_NEAR(image->second, 0.0618, 1e-3);                 // 0.47 m in sigmas of 0.3 m
+  EXPECT_FALSE(on_the_floor(config_in_room(0.05)).image());  // it would be above the ceiling
+  AirEkf::Config high = config_in_room(0.0);
+  EXPECT_TRUE(on_the_floor(high).image());
+  const AirEkf elsewhere = at_start(testing::corners(), ekf.current());
+  EXPECT_FALSE(elsewhere.image());  // their anchors are in no plane
+}
+
+TEST(AirEkf, is_no_vaguer_than_its_room) {
+  AirEkf ekf = on_the_floor(config_in_room(2.5));
+  ekf.advance_to(20 * kSecond);
+  EXPECT_NEAR(ekf.height(), 1.25, 0.1);
+  EXPECT_LT(ekf.current().covariance(3, 3), 2.5 * 2.5 / 12.0 + 1e-6);
+  AirEkf outside = on_the_floor(config_in_room(0.0));
+  outside.advance_to(20 * kSecond);
+  EXPECT_GT(outside.current().covariance(3, 3), 100.0);
+  AirEkf::Config config = config_in_room(2.5);
+  config.min_height_m = 3.0;
+  testing::expect_refused([&] { (void)on_the_floor(config); }, "min_height_m");
 }
 
 }  // namespace

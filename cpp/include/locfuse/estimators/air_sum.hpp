@@ -31,6 +31,8 @@ class AirSum {
 
   /// Another place, to which the body may have been moved, `odds` times as likely as the likeliest.
   void add(const AirEkf& start, double odds);
+  /// Its mirror image beside a single place, if ranges cannot tell them apart.
+  void add_image(const AirEkf& image, double odds);
 
   /// What became of it by the likeliest place; kIgnored for a range that is kept for an epoch.
   Outcome on(const Range& z);
@@ -54,7 +56,8 @@ class AirSum {
   struct Component {
     AirEkf ekf;
     double log_weight;
-    bool moved;  // was added
+    bool moved;               // was added after the body was lost
+    double log_inside = 0.0;  // the least so far: a place outside the room is none
   };
   struct Link {  // when the ranges of a link were evidence
     Id tag;

@@ -133,6 +133,7 @@ class RecoveringEkf {
   Outcome correct(const M& z);
   template <class M>
   [[nodiscard]] Outcome track(const M& message);
+  void mirror();
   template <class M>
   [[nodiscard]] Outcome fuse(const M& z);
   [[nodiscard]] Outcome fuse_conditioned(const PositionFix& z);
