@@ -210,7 +210,7 @@ TEST(AirEkf, is_mirrored_where_ranges_cannot_tell) {
   ASSERT_TRUE(image);
   EXPECT_NEAR(image->first.height(), 2.0 * 0.57 - 0.1, 1e-12);
   EXPECT_NEAR(image->first.pose().x, ekf.pose().x, 1e-12);
-  EXPECT_NEAR(image->second, 0.0618, 1e-3);                 // 0.47 m in sigmas of 0.3 m
+  EXPECT_NEAR(image->second, 0.0618, 1e-3);                  // 0.47 m in sigmas of 0.3 m
   EXPECT_FALSE(on_the_floor(config_in_room(0.05)).image());  // it would be above the ceiling
   AirEkf::Config high = config_in_room(0.0);
   EXPECT_TRUE(on_the_floor(high).image());
