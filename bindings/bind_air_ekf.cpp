@@ -68,6 +68,8 @@ void bind_config(py::module_& m) {
       .def_readwrite("position", &Config::position)
       .def_readwrite("pose", &Config::pose)
       .def_readwrite("limits", &Config::limits)
+      .def_readwrite("min_height_m", &Config::min_height_m)
+      .def_readwrite("max_height_m", &Config::max_height_m)
       .def_readwrite("altitude", &Config::altitude)
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("landmark_in_space", &Config::landmark_in_space)

@@ -18,6 +18,7 @@ from locfuse.run.messages import truth_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray, Trajectory
 from papers.claims import Claim, Progress, absent, claims_of
 from papers.recorded import load_recording, ready_claims
+from papers.recordings.silence import DRIVES, silence_claims
 from papers.scores import rms
 
 
@@ -72,7 +73,8 @@ class Flight:
 def air_claims(progress: Progress, configs: Path | None) -> list[Claim]:
     """Return all rows; recordings lie beside the project, whose ready configurations are given."""
     recorded = [partial(_recorded, configs, name) for name in RECORDINGS]
-    return claims_of([*recorded, partial(ready_claims, configs, *READY)], progress)
+    cut_out = [partial(silence_claims, configs, drive) for drive in DRIVES]
+    return claims_of([*recorded, *cut_out, partial(ready_claims, configs, *READY)], progress)
 
 
 def load_flight(configs: Path | None, recording: Recording) -> Log:

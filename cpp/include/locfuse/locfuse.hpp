@@ -5,6 +5,7 @@
 #include "locfuse/build_info.hpp"
 #include "locfuse/error.hpp"
 #include "locfuse/estimators/air_ekf.hpp"
+#include "locfuse/estimators/air_sum.hpp"
 #include "locfuse/estimators/gyro_odometry.hpp"
 #include "locfuse/estimators/health.hpp"
 #include "locfuse/estimators/initializer.hpp"

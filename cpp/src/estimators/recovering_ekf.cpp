@@ -213,7 +213,7 @@ template <class M>
 Outcome RecoveringEkf::drive(const M& u) {
   Outcome outcome{Verdict::kIgnored};
   if (tracker_) {
-    outcome = of(*tracker_, [&](auto& ekf) { return ekf.on(u); });
+    outcome = track(u);
     if (conditioner_ && outcome.verdict != Verdict::kImplausible &&
         outcome.verdict != Verdict::kStale) {
       conditioner_->on(u);
@@ -238,7 +238,7 @@ Outcome RecoveringEkf::fuse_conditioned(const PositionFix& z) {
     rejected.limit = result.limit;
     return rejected;
   }
-  return of(*tracker_, [&](auto& ekf) { return ekf.on(result.fix.value_or(z)); });
+  return track(result.fix.value_or(z));
 }
 
 template <class M>
@@ -259,13 +259,48 @@ Outcome RecoveringEkf::fuse(const M& z) {
       });
     }
   }
-  return of(*tracker_, [&](auto& ekf) {
-    if constexpr (std::is_same_v<M, Altitude>) {
-      return ekf.on(Message(z));
-    } else {
-      return ekf.on(z);
+  return track(z);
+}
+
+/// What the tracker makes of it, or all places where a body in space may be.
+template <class M>
+Outcome RecoveringEkf::track(const M& message) {
+  constexpr bool kIsRange = std::is_same_v<M, Range>;
+  if constexpr (kIsRange) {
+    const auto* air = std::get_if<AirEkf>(&*tracker_);
+    if (air != nullptr && !places_ && AirSum::is_vague(*air, message)) {
+      places_.emplace(recipe_->places(), *air);
     }
-  });
+  }
+  if (!places_) {
+    const Outcome outcome = of(*tracker_, [&](auto& ekf) { return ekf.on(message); });
+    if (kIsRange && outcome.verdict == Verdict::kFused) {
+      mirror();
+    }
+    return outcome;
+  }
+  const Outcome outcome = places_->on(message);
+  tracker_ = places_->mean();
+  if (kIsRange && outcome.dof > 0 && places_->decided() != nullptr) {
+    if (health_.is_lost()) {
+      restarts_ += places_->has_moved() ? 1 : 0;
+      health_.start(belief().stamp, 1.0 - recipe_->config.start.probability_ready);
+    }
+    places_.reset();
+  }
+  return outcome;
+}
+
+/// Near the plane of its anchors a body in space may be on either side.
+void RecoveringEkf::mirror() {
+  const auto* air = std::get_if<AirEkf>(&*tracker_);
+  if (air == nullptr || places_) {
+    return;
+  }
+  if (const auto image = air->image()) {
+    places_.emplace(recipe_->places(), *air);
+    places_->add_image(image->first, image->second);
+  }
 }
 
 /// Gives a search what it has a use for: it knows no height, so no line of sight in space.
@@ -308,7 +343,7 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
         return outcomes;  // it has no landmarks
       } else if constexpr (std::is_same_v<Ekf, AirEkf>) {
         std::transform(sightings.begin(), sightings.end(), outcomes.begin(),
-                       [&](const RangeBearing& z) { return ekf.on(z); });
+                       [&](const RangeBearing& z) { return track(z); });
         return outcomes;
       } else {
         return ekf.on_joint(sightings, association);
@@ -368,8 +403,13 @@ void RecoveringEkf::listen() {
   const bool was_lost = std::exchange(was_lost_, health_.is_lost());
   if (was_lost_ && !was_lost) {
     ++alarms_;
+    const auto* air = std::get_if<AirEkf>(&*tracker_);
     if (recipe_->restarts) {
       start_ = fresh();
+    } else if (air != nullptr && recipe_->config.restart && !places_) {
+      const double wrong = health_.wrong();
+      places_.emplace(recipe_->places(), *air);
+      places_->add(air->anywhere(recipe_->config.health.wrong_span_m), wrong / (1.0 - wrong));
     }
   } else if (!was_lost_) {
     start_.reset();
@@ -397,6 +437,7 @@ void RecoveringEkf::decide() {
 
 void RecoveringEkf::start_with(Tracker tracker) {
   tracker_ = std::move(tracker);
+  places_.reset();
   newest_ = belief().stamp;
   health_.start(newest_);
   start_.reset();
@@ -412,7 +453,12 @@ Initializer::State RecoveringEkf::state() const {
 
 HealthReport RecoveringEkf::health() const {
   if (tracker_) {
-    return health_.report(believed());
+    HealthReport report = health_.report(believed());
+    if (places_ && places_->is_ambiguous() && report.state != HealthState::kLost) {
+      report.state = HealthState::kAmbiguous;
+      report.reason = HealthReason::kSeveralPlaces;
+    }
+    return report;
   }
   HealthReport report;
   if (start_->state().status == StartStatus::kAmbiguous) {

@@ -341,6 +341,10 @@ class Air(Strict):
     """Height at the start; with `start: truth` that of the reference, if it has one [m]."""
     sigma_start_height_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.3
     """Sigma of that height [m]."""
+    min_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = -1e9
+    """Floor of the room: the body's origin is [above it](air.md#vague-beliefs) [m]."""
+    max_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 1e9
+    """Ceiling of the room [m]."""
     sensor_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """Height of the landmark sensor over the body's origin [m]."""
     sigma_elevation_rad: Positive = 0.02
@@ -824,9 +828,7 @@ class RunConfig(Strict):
     health: Health = Field(default_factory=Health)
     """Monitor of [how far the estimate may be trusted](health.md)."""
     when_lost: Literal["restart", "go_on"] = "restart"
-    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` and `air`
-    continue.
-    """
+    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` continues."""
     mcl: Mcl | None = None
     """Fuse scans on the map of the log, too: [Localize on a map](localize.md)."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0

@@ -217,7 +217,7 @@ TEST(RecoveringEkfKinds, a_map_is_not_thrown_away_by_a_filter_that_is_lost) {
   EXPECT_EQ(std::get<LandmarkEkf>(*ekf.tracker()).landmarks().size(), 3U);
 }
 
-TEST(RecoveringEkfKinds, a_flight_has_its_height_and_is_not_started_anew) {
+TEST(RecoveringEkfKinds, a_flight_has_its_height_and_is_found_where_it_was_carried) {
   RecoveringEkf::Config config;
   AirEkf::Config air;
   air.motion = AirMotion::kConstantVelocity;
@@ -250,13 +250,16 @@ TEST(RecoveringEkfKinds, a_flight_has_its_height_and_is_not_started_anew) {
   PoseEstimate other = ekf.estimate();
   other.stamp = 2 * kSecond;
   EXPECT_EQ(ekf.restarted(other).current_in_space()->height, ekf.estimate_in_space()->height);
-  for (int step = 51; step <= 200; ++step) {  // carried away: it goes on, as nothing finds a height
+  for (int step = 51; step <= 200; ++step) {  // carried away
     for (int anchor = 0; anchor < 4; ++anchor) {
       (void)ekf.on(range_to(anchor, {60.0, 60.0, 1.0}, step));
     }
   }
   EXPECT_EQ(ekf.alarms(), 1);
-  EXPECT_EQ(ekf.restarts(), 0);
+  EXPECT_EQ(ekf.restarts(), 1);
+  EXPECT_FALSE(ekf.is_lost());
+  EXPECT_NEAR(ekf.current_in_space()->pose.x, 60.0, 1.0);
+  EXPECT_NEAR(ekf.current_in_space()->pose.y, 60.0, 1.0);
   EXPECT_FALSE(three_tags().has_started());
 }
 

@@ -392,8 +392,8 @@ KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] =
     "air": (_core.AirEkfConfig, build_air_config, {
         **{name: name for name in Estimator.model_fields
            if name not in (*OF_THE_RUN["Estimator"], "calibration", "adaptive")},
-        **{name: f"air.{name}" for name in ("motion", "constant_velocity",
-                                            "sigma_height_per_sqrt_s")},
+        **{name: f"air.{name}" for name in ("motion", "constant_velocity", "min_height_m",
+                                            "max_height_m", "sigma_height_per_sqrt_s")},
         "landmark_in_space": "air.sensor_up_m",
         **{name: f"air.{name}" for name in ("altitude", "gate_altitude")},
     }),

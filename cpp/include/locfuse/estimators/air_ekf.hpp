@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "locfuse/estimators/held_motion.hpp"
@@ -60,6 +62,8 @@ class AirEkf {
     RangeBearingModel::Config landmark;
     RangeBearingModel::InSpace landmark_in_space;
     Limits limits;
+    double min_height_m = -1e9;    ///< of the room, floor and ceiling, in which the body is [m]
+    double max_height_m = 1e9;     ///< [m]
     double gate_range = 0.999;     ///< probability that an inlier range passes the gate
     double gate_position = 0.999;  ///< the same for a position fix
     double gate_pose = 0.999;      ///< the same for a pose
@@ -75,6 +79,13 @@ class AirEkf {
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< process noise after the timeout [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< [rad / sqrt(s)]
     double sigma_lost_height_per_sqrt_s = 0.5;   ///< [m / sqrt(s)]
+  };
+
+  /// The plane in which anchors are; none where they are in a line, or fewer than three.
+  struct Plane {
+    bool exists = false;
+    Vector<3> centre = Vector<3>::Zero();
+    Vector<3> normal = Vector<3>::UnitZ();
   };
 
   /// Starts from `start`, with constant velocity at rest but for what its sigmas say. Throws
@@ -104,6 +115,31 @@ class AirEkf {
   /// What `on` would compare, but fuses nothing: kGated in place of kFused.
   Outcome weigh(const Range& z);
 
+  /// How far ranges like this one are from flat over the belief, once that is carried to its stamp:
+  /// what one sigma across the line of sight changes, in sigmas of its noise; eq. (3) of
+  /// docs/air.md. 0 for one that is not modelled.
+  [[nodiscard]] double bend(const Range& z) const;
+  /// The places (x, y, height) that ranges of about one moment and the belief allow: the minima of
+  /// their costs, the likeliest first.
+  [[nodiscard]] std::vector<Vector<3>> places(const std::vector<Range>& ranges) const;
+  /// The same as `on`, but linearized at `place`, (x, y, height), where the body is at stamp `at`:
+  /// kGated also if it does not fit there.
+  Outcome on_at(const Range& z, const Vector<3>& place, Stamp at);
+  /// (x, y, height) at a stamp beside that of the belief, by the velocity if that is a state.
+  [[nodiscard]] Vector<3> place_at(Stamp at) const;
+  /// The mirror image across the plane of the anchors, where ranges cannot tell it from this: about
+  /// as near to that plane as the belief reaches, and inside the room. Its odds, eq. (4).
+  [[nodiscard]] std::optional<std::pair<AirEkf, double>> image() const;
+  /// Log of the probability that the height is one of the room.
+  [[nodiscard]] double log_inside() const;
+  /// The mixture of this, with its weight, and others of the same recipe with theirs, as one
+  /// Gaussian at the stamp of the newest; the weights sum to 1.
+  [[nodiscard]] AirEkf mixed(double weight,
+                             const std::vector<std::pair<const AirEkf*, double>>& others) const;
+  /// The same that may be anywhere within about `span` [m] to either side, at any heading, with
+  /// the velocity of a start.
+  [[nodiscard]] AirEkf anywhere(double span) const;
+
   /// The same place and velocity, those of `estimate`, on a clock that now shows `stamp`. Throws
   /// std::invalid_argument if the stamp is beyond kStampLimit.
   [[nodiscard]] AirEkf continued_at(Stamp stamp) const;
@@ -128,6 +164,9 @@ class AirEkf {
   template <class Motion>
   Outcome take(const Motion& u, double climb_rate);
   void lift(Stamp stamp);
+  void stay_inside();
+  [[nodiscard]] Matrix<3, 3> spread() const;
+  [[nodiscard]] double squared_speed(const Vector<3>& along) const;
   Outcome correct_by(const Range& z, const Gate& gate);
   template <class Noise, class Linearize>
   Outcome correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,

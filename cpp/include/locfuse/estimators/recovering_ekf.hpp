@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "locfuse/estimators/air_sum.hpp"
 #include "locfuse/estimators/health.hpp"
 #include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/tracker.hpp"
@@ -17,8 +18,8 @@ namespace locfuse {
 /// and poses start hypotheses until one wins. While it tracks, a Health listens. Lost, it goes on
 /// as it was, with a covariance that says so, but another Initializer begins beside it: whichever
 /// explains first what is measured is believed. Derivation: docs/health.md. A LandmarkEkf, whose
-/// map is relative to where it began, and an AirEkf, for whose height there is no search, are not
-/// started anew.
+/// map is relative to where it began, is not started anew. An AirEkf is searched for in space, by
+/// an AirSum, whenever its belief is too vague for single ranges: docs/air.md.
 ///
 /// With a `tag_conditioner` fixes of tags are conditioned before the tracker fuses them. One that
 /// is rejected is kImplausible, with the distance and the limit of ConditionedFix as `residual` and
@@ -128,12 +129,20 @@ class RecoveringEkf {
     std::vector<Tag> tags;
     LandmarkSensor landmarks;
     bool restarts;  // whether it looks for another place while it is lost
+
+    [[nodiscard]] AirSum::Config places() const {
+      return {config.start.epoch_s, config.start.wrong_share, config.start.wrong_span_m,
+              config.estimator.correlation_s};
+    }
   };
 
   template <class M>
   Outcome drive(const M& u);
   template <class M>
   Outcome correct(const M& z);
+  template <class M>
+  [[nodiscard]] Outcome track(const M& message);
+  void mirror();
   template <class M>
   [[nodiscard]] Outcome fuse(const M& z);
   [[nodiscard]] Outcome fuse_conditioned(const PositionFix& z);
@@ -154,6 +163,7 @@ class RecoveringEkf {
   std::shared_ptr<const Recipe> recipe_;
   std::optional<Initializer> start_;  // while there is no place, or it is lost
   std::optional<Tracker> tracker_;
+  std::optional<AirSum> places_;               // whose mean an AirEkf is while its belief is vague
   std::optional<TagConditioner> conditioner_;  // of the fixes that the tracker fuses
   Health health_;
   std::optional<Message> control_;  // the last odometry
