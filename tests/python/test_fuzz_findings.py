@@ -18,6 +18,7 @@ from locfuse.io.log_yaml import read_log_yaml
 from locfuse.io.maps import read_map
 from locfuse.types import ConfigError, LogError
 from support_pictures import MAP, png_of
+from support_runs import ROOT
 
 HUGE = "0x" + "f" * 4000  # an integer without a text
 DEEP = "[&a0 [1]" + "".join(f", &a{i + 1} [*a{i}]" for i in range(2000)) + "]"  # by its aliases
@@ -120,3 +121,11 @@ def test_a_setting_of_a_map_that_has_no_text_is_refused(
 def test_a_name_that_is_too_long_is_that_of_no_folder() -> None:
     with pytest.raises(LogError, match="no such folder"):  # OSError in Path.is_dir
         read_log("a" * 300)
+
+
+def test_every_target_begins_with_inputs() -> None:
+    """The fuzzer ends at once where the folder of a target is missing."""
+    listed = (ROOT / "fuzz/CMakeLists.txt").read_text(encoding="utf-8")
+    targets = listed.split("ITEMS", 1)[1].split(")", 1)[0].split()
+    assert "pose_ekf" in targets
+    assert {t for t in targets if not any((ROOT / "fuzz/corpus" / t).glob("*"))} == set()
