@@ -71,6 +71,7 @@ __all__: list[str] = [
     "Limits",
     "Linearization",
     "Live",
+    "LiveMcl",
     "LocalMap",
     "LocalMapConfig",
     "LocalizeRun",
@@ -2031,6 +2032,8 @@ class PoseConfig:
     """
     Sigmas of poses without a covariance (0: not modelled) and minimum sigmas of any pose.
     """
+
+    shares_odometry: bool
     def __init__(self) -> None: ...
     @property
     def least_sigma_heading_rad(self) -> float: ...
@@ -5186,7 +5189,7 @@ class Mcl:
     @property
     def sources(self) -> list[SourceStatus]:
         """
-        One SourceStatus per source.
+        One SourceStatus per source that weights particles.
         """
     @property
     def used_share(self) -> float:
@@ -5358,11 +5361,11 @@ class SwitchingMcl:
     def __repr__(self) -> str: ...
     def estimate(self) -> PoseEstimate:
         """
-        PoseEstimate of the particles, propagated to the end of the latest odometry.
+        PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.
         """
     def health(self) -> HealthReport:
         """
-        HealthReport of that estimate from the measurements that weighted particles.
+        HealthReport of the estimate; docs/health.md.
         """
     @typing.overload
     def on(self, message: Velocity) -> Outcome: ...
@@ -5399,9 +5402,14 @@ class SwitchingMcl:
         Copy of the Mcl.
         """
     @property
+    def particles(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        float64 (n, 4): x, y [m], heading [rad] in world, weight.
+        """
+    @property
     def ready(self) -> bool:
         """
-        Whether one cluster of particles is almost certain.
+        Whether one cluster is almost certain.
         """
     @property
     def sources(self) -> list[SourceStatus]:
@@ -5520,6 +5528,271 @@ class ClockJump(enum.Enum):
     REFUSE = ...
     RESET = ...
 
+class LiveMcl:
+    """
+    Mcl fed with live messages and scans as they arrive.
+
+    They wait until odometry has come that far, at most 0.25 s or as late as scans have been; what is
+    later still is fused at its stamp, to the same bits as if it had been in time.
+
+    Parameters
+    ----------
+    mcl : Mcl or SwitchingMcl
+        Copied.
+    history : int
+        Maximum delay of a message [ns]; older ones are STALE.
+    clock_jump : ClockJump
+        Reaction to a backward jump of the message clock.
+    max_messages : int
+        Maximum number of messages kept for reordering, at least 512.
+
+    Raises
+    ------
+    ValueError
+        If an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse.core import *
+    >>> cells = np.zeros((40, 40), dtype=np.int8)
+    >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    >>> live = LiveMcl(Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05)))
+    >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
+    >>> live.on(Velocity(0, 0.0, 0.0)), live.on(LaserScan(5 * 10**7, around, [0.9, 0.9, 0.9, 0.9]))
+    ([], [])
+    >>> len(live.on(Velocity(10**8, 0.0, 0.0)))  # the scan had waited for that
+    1
+    """
+    @typing.overload
+    def __init__(
+        self,
+        mcl: Mcl,
+        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
+        clock_jump: ClockJump = ...,
+        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+    ) -> None: ...
+    @typing.overload
+    def __init__(
+        self,
+        mcl: SwitchingMcl,
+        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
+        clock_jump: ClockJump = ...,
+        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def estimate(self) -> PoseEstimate:
+        """
+        PoseEstimate of the likeliest cluster, propagated to the end of the latest odometry.
+        """
+    def finish(self) -> list[PoseEstimate]:
+        """
+        Uses all messages that wait, and returns as `on` does.
+        """
+    def go_on_from(self, before: LiveMcl) -> list[PoseEstimate]:
+        """
+        Takes the messages that wait in another, whose pose this one has; returns as `on` does.
+        """
+    def health(self) -> HealthReport:
+        """
+        HealthReport of the estimate; docs/health.md.
+        """
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan,
+    ) -> list[PoseEstimate]:
+        """
+        Takes a message or a scan; returns a PoseEstimate for each scan whose turn it is now.
+
+        Raises
+        ------
+        ValueError
+            If the message is not valid; it is discarded.
+        """
+    @property
+    def dropped_messages(self) -> int:
+        """
+        Messages inside the history that were dropped because there were too many.
+        """
+    @property
+    def hypotheses(self) -> list[PoseHypothesis]:
+        """
+        Clusters of particles as a list of PoseHypothesis, likeliest first.
+        """
+    @property
+    def injections(self) -> list[Injection]:
+        """
+        List of Injection, one per takeover by UWB.
+        """
+    @property
+    def jumps(self) -> int:
+        """
+        Number of backward clock jumps handled by RESET or CONTINUE.
+        """
+    @property
+    def particles(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        float64 (n, 4): x, y [m], heading [rad] in world, weight.
+        """
+    @property
+    def ready(self) -> bool:
+        """
+        Whether one cluster is almost certain.
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        One SourceStatus per source that weights particles.
+        """
+
+class Live:
+    """
+    RecoveringEkf fed with live messages in order of arrival.
+
+    It searches until a single hypothesis remains; from then on late messages are fused at their stamp.
+    A log fed in order of arrival gives the estimates of `find_start` and `replay` bit for bit, if no
+    message was later than `patience` during the search.
+
+    Parameters
+    ----------
+    estimator : RecoveringEkf
+        If it has started, tracking begins at once.
+    history : int
+        Maximum delay of a message while tracking [ns].
+    clock_jump : ClockJump
+        Reaction to a backward jump of the message clock.
+    max_messages : int
+        Maximum number of messages kept for reordering, at least 512.
+    patience : int
+        Maximum delay of a message while searching [ns].
+
+    Raises
+    ------
+    ValueError
+        If an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import *
+    >>> live = Live(RecoveringEkf(RecoveringEkfConfig()))
+    >>> live.start_at(PoseEstimate(0, Pose2(1, 2, 0), 0.01 * np.eye(3)))
+    >>> live.on(PositionFix(0, [1.05, 2.0], 0.01 * np.eye(2))).verdict.name
+    'FUSED'
+    >>> live.current().stamp
+    0
+    """
+    def __init__(
+        self,
+        estimator: RecoveringEkf,
+        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
+        clock_jump: ClockJump = ...,
+        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+        patience: typing.SupportsInt | typing.SupportsIndex = 250000000,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    def current(self) -> PoseEstimate:
+        """
+        PoseEstimate at the stamp of the last message. Raises RuntimeError while searching.
+        """
+    def current_in_space(self) -> AirEstimate | None:
+        """
+        AirEstimate at the stamp of the last message, or None of a filter in the plane. Raises RuntimeError while searching.
+        """
+    def enable(self, source: Source, enabled: bool) -> None:
+        """
+        Enables or disables a Source; messages of a disabled source are IGNORED.
+        """
+    def estimate(self) -> PoseEstimate:
+        """
+        PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while searching.
+        """
+    def estimate_in_space(self) -> AirEstimate | None:
+        """
+        The same propagated to the end of the latest odometry.
+        """
+    def health(self) -> HealthReport:
+        """
+        HealthReport of the estimate.
+        """
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan,
+    ) -> Outcome:
+        """
+        Processes a message and returns its Outcome.
+
+        IGNORED while searching, from a disabled source and of a scan, which only the search uses; STALE if
+        too late.
+
+        Raises
+        ------
+        ValueError
+            If the message is not valid; it is discarded.
+        """
+    def relocalize(self) -> None:
+        """
+        Discards the pose and searches again.
+        """
+    def reset(self) -> None:
+        """
+        Restores the state after construction.
+        """
+    def search(self) -> StartState:
+        """
+        Progress of the search with its hypotheses.
+        """
+    def start_at(self, start: PoseEstimate) -> None:
+        """
+        Discards the current state and tracks from a PoseEstimate.
+        """
+    @property
+    def dropped_messages(self) -> int:
+        """
+        Messages inside the history that were dropped because there were too many.
+        """
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        A CalibratedError for each error that is a state of a PoseEkf.
+        """
+    @property
+    def is_tracking(self) -> bool: ...
+    @property
+    def jumps(self) -> int:
+        """
+        Number of backward clock jumps handled by RESET or CONTINUE.
+        """
+    @property
+    def landmarks(self) -> list[LandmarkEstimate]:
+        """
+        The map of a LandmarkEkf: one LandmarkEstimate per landmark.
+        """
+    @property
+    def restarts(self) -> int:
+        """
+        Number of relocalizations after being lost.
+        """
+    @property
+    def sources(self) -> list[SourceStatus]:
+        """
+        One SourceStatus per source.
+        """
+
 class RunLog:
     """
     Result of a replay, as columns.
@@ -5604,7 +5877,7 @@ class RunLog:
     @property
     def limit(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Largest `nis` that the gate passes.
+        Largest `nis` that the gate passes, or distance that conditioning allows [m].
         """
     @property
     def log_likelihood(self) -> numpy.typing.NDArray[numpy.float64]: ...
@@ -5716,6 +5989,11 @@ class LocalizeRun:
         Index into HealthState, (k,).
         """
     @property
+    def limit(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Largest `nis` that the gate passes, or distance that conditioning allows [m].
+        """
+    @property
     def particles(self) -> numpy.typing.NDArray[numpy.int64]:
         """
         Number of particles, (n,).
@@ -5740,6 +6018,8 @@ class LocalizeRun:
         """
         (n,).
         """
+    @property
+    def residual(self) -> numpy.typing.NDArray[numpy.float64]: ...
     @property
     def scan_verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
@@ -5769,151 +6049,6 @@ class LocalizeRun:
     def wrong(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         Probability that the pose is wrong, (k,).
-        """
-
-class Live:
-    """
-    RecoveringEkf fed with live messages in order of arrival.
-
-    It searches until a single hypothesis remains; from then on late messages are fused at their stamp.
-    A log fed in order of arrival gives the estimates of `find_start` and `replay` bit for bit, if no
-    message was later than `patience` during the search.
-
-    Parameters
-    ----------
-    estimator : RecoveringEkf
-        If it has started, tracking begins at once.
-    history : int
-        Maximum delay of a message while tracking [ns].
-    clock_jump : ClockJump
-        Reaction to a backward jump of the message clock.
-    max_messages : int
-        Maximum number of messages kept for reordering, at least 512.
-    patience : int
-        Maximum delay of a message while searching [ns].
-
-    Raises
-    ------
-    ValueError
-        If an option is out of range.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from locfuse import *
-    >>> live = Live(RecoveringEkf(RecoveringEkfConfig()))
-    >>> live.start_at(PoseEstimate(0, Pose2(1, 2, 0), 0.01 * np.eye(3)))
-    >>> live.on(PositionFix(0, [1.05, 2.0], 0.01 * np.eye(2))).verdict.name
-    'FUSED'
-    >>> live.current().stamp
-    0
-    """
-    def __init__(
-        self,
-        estimator: RecoveringEkf,
-        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
-        clock_jump: ClockJump = ...,
-        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
-        patience: typing.SupportsInt | typing.SupportsIndex = 250000000,
-    ) -> None: ...
-    def __repr__(self) -> str: ...
-    def current(self) -> PoseEstimate:
-        """
-        PoseEstimate at the stamp of the last message. Raises RuntimeError while searching.
-        """
-    def current_in_space(self) -> AirEstimate | None:
-        """
-        AirEstimate at the stamp of the last message, or None of a filter in the plane. Raises RuntimeError while searching.
-        """
-    def enable(self, source: Source, enabled: bool) -> None:
-        """
-        Enables or disables a Source; messages of a disabled source are IGNORED.
-        """
-    def estimate(self) -> PoseEstimate:
-        """
-        PoseEstimate propagated to the end of the latest odometry. Raises RuntimeError while searching.
-        """
-    def estimate_in_space(self) -> AirEstimate | None:
-        """
-        The same propagated to the end of the latest odometry.
-        """
-    def health(self) -> HealthReport:
-        """
-        HealthReport of the estimate.
-        """
-    @typing.overload
-    def on(self, scan: LaserScan) -> None:
-        """
-        Processes a scan, which is used only while searching.
-        """
-    @typing.overload
-    def on(
-        self,
-        message: Velocity
-        | Increment
-        | Range
-        | PositionFix
-        | PoseObservation
-        | RangeBearing
-        | Altitude,
-    ) -> Outcome:
-        """
-        Processes a message and returns its Outcome.
-
-        IGNORED while searching or from a disabled source, STALE if too late.
-
-        Raises
-        ------
-        ValueError
-            If the message is not valid; it is discarded.
-        """
-    def relocalize(self) -> None:
-        """
-        Discards the pose and searches again.
-        """
-    def reset(self) -> None:
-        """
-        Restores the state after construction.
-        """
-    def search(self) -> StartState:
-        """
-        Progress of the search with its hypotheses.
-        """
-    def start_at(self, start: PoseEstimate) -> None:
-        """
-        Discards the current state and tracks from a PoseEstimate.
-        """
-    @property
-    def dropped_messages(self) -> int:
-        """
-        Messages inside the history that were dropped because there were too many.
-        """
-    @property
-    def errors(self) -> list[CalibratedError]:
-        """
-        A CalibratedError for each error that is a state of a PoseEkf.
-        """
-    @property
-    def is_tracking(self) -> bool: ...
-    @property
-    def jumps(self) -> int:
-        """
-        Number of backward clock jumps handled by RESET or CONTINUE.
-        """
-    @property
-    def landmarks(self) -> list[LandmarkEstimate]:
-        """
-        The map of a LandmarkEkf: one LandmarkEstimate per landmark.
-        """
-    @property
-    def restarts(self) -> int:
-        """
-        Number of relocalizations after being lost.
-        """
-    @property
-    def sources(self) -> list[SourceStatus]:
-        """
-        One SourceStatus per source.
         """
 
 def arc(
@@ -6025,34 +6160,33 @@ def local(
     Error state (3,) from `origin` to `to` [m, m, rad], heading wrapped.
     """
 
-@typing.overload
 def localize(
-    mcl: Mcl,
+    mcl: LiveMcl,
     log: MessageLog,
     scans: collections.abc.Sequence[LaserScan],
-    progress: collections.abc.Callable[[int, collections.abc.Callable[[], LocalizeRun]], None]
-    | None = None,
-) -> LocalizeRun: ...
-@typing.overload
-def localize(
-    mcl: SwitchingMcl,
-    log: MessageLog,
-    scans: collections.abc.Sequence[LaserScan],
+    scan_arrivals: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex] = [],
     progress: collections.abc.Callable[[int, collections.abc.Callable[[], LocalizeRun]], None]
     | None = None,
 ) -> LocalizeRun:
     """
-    Feeds a log and scans to an Mcl in order of the stamps at which they take effect.
+    Feeds a log and scans to an Mcl in order of arrival, as they would come live.
 
     Parameters
     ----------
-    mcl : Mcl or SwitchingMcl
+    mcl : LiveMcl
     log : MessageLog
     scans : list of LaserScan
+    scan_arrivals : list of int
+        When each scan arrives [ns]; if empty at its stamp.
     progress : callable, optional
         Called after each scan with the number of messages and scans processed and a function that
         returns a copy of the run during the call; it may read `mcl`. Items not processed yet have the
         verdict IGNORED.
+
+    Raises
+    ------
+    ValueError
+        If there are other than 0 or as many arrivals as scans.
     """
 
 def locate(

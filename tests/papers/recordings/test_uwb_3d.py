@@ -11,6 +11,7 @@ import pytest
 
 from locfuse.types import FloatArray, Log, LogError
 from papers.recordings import uwb_3d
+from papers.recordings.silence import DRIVES
 from papers.scores import rms
 from support_flights import flat, on_a_spiral
 from support_runs import ROOT
@@ -79,7 +80,7 @@ def test_anchors_of_one_height_determine_where_a_drone_is_but_not_on_which_side_
 @pytest.mark.parametrize("configs", [None, "empty"])
 def test_rows_of_absent_recordings_say_why(configs: str | None, tmp_path: Path) -> None:
     claims = uwb_3d.air_claims(lambda *_: None, tmp_path / "configs" if configs else None)
-    assert len(claims) == len(uwb_3d.RECORDINGS) + len(uwb_3d.DRIVES) + len(uwb_3d.READY)
+    assert len(claims) == len(uwb_3d.RECORDINGS) + len(DRIVES) + len(uwb_3d.READY)
     assert all(claim.met is None and claim.note for claim in claims)
 
 
