@@ -25,6 +25,7 @@ NEES_BAND = (2.0, 5.0)  # of 3; of 2 without headings two thirds of it
 MAX_BEYOND = 1.5  # % of the time beyond the protection level, whose risk is 1 %
 MAX_SURE = 1.0  # % of the time `ok` with an error beyond 3 sigma
 MAX_SURE_S = 3.0  # of it in one piece
+MAX_RATIO = 1.02  # of the error of fused particles to theirs alone
 GAP_NS = 2 * NANOSECONDS  # a pose does not stand for longer
 READY = ("ieu_gazebo", "mrpt_office", "plaza", "tuc_labyrinth", "lias_triangle", "starloc_rig")
 IN_SPACE = {  # dataset and folder
@@ -82,10 +83,14 @@ def honesty(result: RunResult) -> Honesty:
 
 
 def recorded_claims(progress: Progress, configs: Path | None) -> list[Claim]:
-    """Return four rows for each recording: with its own settings, and with the defaults."""
+    """Return four rows for each recording: with its own settings, and with the defaults.
+
+    A fifth compares particles whose poses the EKF fuses with the same particles alone.
+    """
     if configs is None:
         return []
     parts = [partial(_rows, name, load) for name, load in _runs(configs).items()]
+    parts += [partial(_ratio, configs, name) for name in map_localization.RECORDINGS]
     return claims_of(parts, progress)
 
 
@@ -149,3 +154,21 @@ def _rows(name: str, load: Callable[[], tuple[RunConfig, Log]]) -> Iterator[Clai
     nees = found.nees
     yield Claim(f"{key}_nees", f"{name}: mean NEES of {found.dof}", "1", None, nees, nees, nees,
                 f"{low:.2g}..{high:.2g}", low <= nees <= high)  # fmt: skip
+
+
+def _ratio(configs: Path, name: str) -> Iterator[Claim]:
+    what, key = f"{name}: error in the EKF / of particles alone", name.lower().replace(" ", "_")
+    try:
+        alone = run(*_on_map(configs, name, estimator={}, mcl={}))
+        fused = run(*_on_map(configs, name, estimator={}, mcl={"poses_hz": 2},
+                             use=["odometry", "poses"]))  # fmt: skip
+    except LogError as error:
+        yield absent(f"{key}_fused", what, str(error))
+        return
+    assert alone.truth is not None
+    one, other = (errors_against(result.estimate, alone.truth) for result in (alone, fused))
+    at = np.intersect1d(one.stamp_ns, other.stamp_ns)
+    rms = [float(np.sqrt(np.mean(e.position[np.isin(e.stamp_ns, at)] ** 2))) for e in (one, other)]
+    ratio = rms[1] / rms[0]
+    yield Claim(f"{key}_fused", what, "x", None, ratio, ratio, ratio, f"<= {MAX_RATIO:g}",
+                ratio <= MAX_RATIO)  # fmt: skip
