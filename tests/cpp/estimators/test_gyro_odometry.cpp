@@ -12,7 +12,7 @@
 #include "locfuse/math/angle.hpp"
 #include "support/expect.hpp"
 
-namespace locfuse {
+namespace locfuse::test_gyro_odometry {
 namespace {
 
 using Verdict = GyroOdometry::Verdict;
@@ -270,4 +270,4 @@ TEST(GyroOdometry, refuses_what_is_not_valid) {
 }
 
 }  // namespace
-}  // namespace locfuse
+}  // namespace locfuse::test_gyro_odometry
