@@ -425,14 +425,19 @@ Vector<3> AirEkf::place_at(Stamp at) const {
     const int velocity = belief_.offset(moving_[2]);
     const std::array<int, 3> rows{velocity, velocity + 1, belief_.offset(moving_[3])};
     place += seconds_between(belief_.stamp, at) * Vector<3>(belief_.x(rows));
+  } else {
+    const Vector<2> moved = Pose2{0.0, 0.0, pose().heading}.act(odometry_.rate().position());
+    place += seconds_between(belief_.stamp, at) * Vector<3>(moved.x(), moved.y(), climb_rate_);
   }
   return place;
 }
 
-/// Second moment of the velocity along a direction; 0 where odometry moves the body.
+/// Second moment of the velocity along a direction; by odometry its bound, whatever the heading.
 double AirEkf::squared_speed(const Vector<3>& along) const {
   if (recipe_->config.motion == AirMotion::kOdometry) {
-    return 0.0;
+    const double speed = odometry_.rate().position().norm();
+    const double most = along.head<2>().norm() * speed + std::abs(along.z() * climb_rate_);
+    return most * most;
   }
   const int velocity = belief_.offset(moving_[2]);
   const std::array<int, 3> rows{velocity, velocity + 1, belief_.offset(moving_[3])};

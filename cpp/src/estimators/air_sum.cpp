@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <type_traits>
 #include <utility>
+#include <variant>
 
 #include "estimators/outlier.hpp"
 #include "locfuse/error.hpp"
@@ -38,6 +40,19 @@ bool are_same(const AirEstimate& a, const AirEstimate& b) {
              AirSumTuning::kSameDistance;
 }
 
+/// Log density of a message under a place, if it was compared: any may be wrong, so that none
+/// decides alone.
+template <class M>
+double log_density_of(const M& z, const Outcome& outcome, const AirSum::Config& config) {
+  if constexpr (std::is_same_v<M, Velocity> || std::is_same_v<M, Increment>) {
+    return 0.0;
+  } else {
+    return outcome.dof > 0 ? internal::log_density(outcome, config.wrong_share,
+                                                   internal::log_anything(z, config.wrong_span_m))
+                           : 0.0;
+  }
+}
+
 }  // namespace
 
 AirSum::AirSum(const Config& config, const AirEkf& start)
@@ -60,42 +75,42 @@ Outcome AirSum::on(const Range& z) {
   if (looked.dof == 0) {
     return looked;
   }
-  if (!epoch_.empty() && z.stamp < stamp_of(epoch_.back())) {
-    return {Verdict::kStale};
-  }
-  if (!epoch_.empty() && seconds_between(begun_, z.stamp) > config_.epoch_s) {
-    close();
+  close_when_due(z.stamp);
+  if (epoch_.empty() && std::any_of(components_.begin(), components_.end(),
+                                    [&](const Component& c) { return is_vague(c.ekf, z); })) {
     begun_ = z.stamp;
-  }
-  const bool is_kept =
-      !epoch_.empty() || std::any_of(components_.begin(), components_.end(),
-                                     [&](const Component& c) { return is_vague(c.ekf, z); });
-  if (is_kept) {
-    begun_ = epoch_.empty() ? z.stamp : begun_;
     epoch_.emplace_back(z);
     return {Verdict::kIgnored};
   }
-  return weigh(z, news_of(z));
+  return epoch_.empty() ? weigh(z, news_of(z)) : keep(z);
 }
 
-Outcome AirSum::on(const Velocity& u) { return carry(u); }
-Outcome AirSum::on(const Increment& u) { return carry(u); }
-Outcome AirSum::on(const PositionFix& z) { return weigh(z); }
-Outcome AirSum::on(const Altitude& z) { return weigh(z); }
-Outcome AirSum::on(const PoseObservation& z) { return weigh(z); }
-Outcome AirSum::on(const RangeBearing& z) { return weigh(z); }
+Outcome AirSum::on(const Velocity& u) { return take(u); }
+Outcome AirSum::on(const Increment& u) { return take(u); }
+Outcome AirSum::on(const PositionFix& z) { return take(z); }
+Outcome AirSum::on(const Altitude& z) { return take(z); }
+Outcome AirSum::on(const PoseObservation& z) { return take(z); }
+Outcome AirSum::on(const RangeBearing& z) { return take(z); }
 
 template <class M>
-Outcome AirSum::carry(const M& u) {
-  if (epoch_.empty()) {
-    return weigh(u);
+Outcome AirSum::take(const M& message) {
+  close_when_due(effective_stamp(message));
+  return epoch_.empty() ? weigh(message) : keep(message);
+}
+
+/// Keeps what the likeliest place could use, in order.
+template <class M>
+Outcome AirSum::keep(const M& message) {
+  if (effective_stamp(message) < effective_stamp(epoch_.back())) {
+    return {Verdict::kStale};
   }
   AirEkf first = components_.front().ekf;
-  const Outcome outcome = first.on(u);
-  if (outcome.verdict == Verdict::kFused) {
-    epoch_.emplace_back(u);
+  Outcome outcome = first.on(message);
+  const bool is_measured = outcome.dof > 0;
+  if (is_measured || outcome.verdict == Verdict::kFused) {
+    epoch_.emplace_back(message);
   }
-  return outcome;
+  return is_measured ? Outcome{Verdict::kIgnored} : outcome;
 }
 
 template <class M>
@@ -103,15 +118,7 @@ Outcome AirSum::weigh(const M& z, double news) {
   Outcome first;
   for (std::size_t i = 0; i < components_.size(); ++i) {
     const Outcome outcome = components_[i].ekf.on(z);
-    if constexpr (std::is_same_v<M, Range>) {
-      if (outcome.dof > 0) {
-        components_[i].log_weight +=
-            news * internal::log_density(outcome, config_.wrong_share,
-                                         internal::log_anything(z, config_.wrong_span_m));
-      }
-    } else if (outcome.dof > 0) {
-      components_[i].log_weight += outcome.log_likelihood();
-    }
+    components_[i].log_weight += news * log_density_of(z, outcome, config_);
     first = i == 0 ? outcome : first;
   }
   reduce();
@@ -131,6 +138,13 @@ double AirSum::news_of(const Range& z) {
   return config_.correlation_s > 0.0 ? std::min(seconds / config_.correlation_s, 1.0) : 1.0;
 }
 
+void AirSum::close_when_due(Stamp stamp) {
+  if (!epoch_.empty() && seconds_between(begun_, stamp) > config_.epoch_s) {
+    close();
+    begun_ = stamp;
+  }
+}
+
 /// Fuses what is kept about each place that it allows, unless a belief about one of them would be
 /// too vague: then it is kept for some epochs more.
 void AirSum::close() {
@@ -144,8 +158,10 @@ void AirSum::close() {
     }
   }
   std::vector<Component> fused;
-  for (const Component& component : components_) {
-    fuse_epoch(component, ranges, news, fused);
+  if (!ranges.empty()) {
+    for (const Component& component : components_) {
+      fuse_epoch(component, ranges, news, fused);
+    }
   }
   std::vector<Component> before = std::exchange(components_, std::move(fused));
   if (!components_.empty()) {
@@ -162,20 +178,28 @@ void AirSum::close() {
   components_ = std::move(before);
   links_ = links;
   const double kept_s = AirSumTuning::kMaxEpochs * config_.epoch_s;
-  forget(stamp_of(epoch_.back()) - static_cast<Stamp>(kept_s * kNanosecondsPerSecond));
+  forget(effective_stamp(epoch_.back()) - static_cast<Stamp>(kept_s * kNanosecondsPerSecond));
 }
 
-/// Drops ranges that are too old to be fused with those that come; odometry moves the body.
+/// Drops ranges that are too old to be fused with those that come; the rest moves and corrects each
+/// place by itself, all of it if no range is left.
 void AirSum::forget(Stamp until) {
-  std::size_t old = 0;
-  for (; old < epoch_.size() && stamp_of(epoch_[old]) < until; ++old) {
-    if (!std::holds_alternative<Range>(epoch_[old])) {
-      for (Component& component : components_) {
-        component.ekf.on(epoch_[old]);
-      }
-    }
+  const auto is_range = [](const Message& m) { return std::holds_alternative<Range>(m); };
+  const auto first_left = std::find_if(epoch_.begin(), epoch_.end(), [&](const Message& m) {
+    return is_range(m) && effective_stamp(m) >= until;
+  });
+  const std::vector<Message> old(epoch_.begin(), first_left);
+  epoch_.erase(epoch_.begin(), first_left);
+  for (const Message& message : old) {
+    std::visit(
+        [this](const auto& m) {
+          using M = std::decay_t<decltype(m)>;
+          if constexpr (!std::is_same_v<M, Range> && !std::is_same_v<M, LaserScan>) {
+            weigh(m);
+          }
+        },
+        message);
   }
-  epoch_.erase(epoch_.begin(), epoch_.begin() + static_cast<std::ptrdiff_t>(old));
 }
 
 /// The largest bend of what is kept.
@@ -200,7 +224,7 @@ void AirSum::fuse_epoch(const Component& from, const std::vector<Range>& ranges,
 /// Fuses what is kept about a place, and again about where that puts the body.
 void AirSum::fuse_at(const Component& from, const Vector<3>& place, const std::vector<double>& news,
                      std::vector<Component>& to) const {
-  const Stamp middle = stamp_of(epoch_[epoch_.size() / 2]);
+  const Stamp middle = effective_stamp(epoch_[epoch_.size() / 2]);
   Vector<3> about = place;
   try {
     Component fused = from;
@@ -210,7 +234,15 @@ void AirSum::fuse_at(const Component& from, const Vector<3>& place, const std::v
       for (const Message& message : epoch_) {
         const Range* z = std::get_if<Range>(&message);
         if (z == nullptr) {
-          fused.ekf.on(message);
+          fused.log_weight += std::visit(
+              [&](const auto& m) -> double {
+                if constexpr (std::is_same_v<std::decay_t<decltype(m)>, LaserScan>) {
+                  return 0.0;
+                } else {
+                  return log_density_of(m, fused.ekf.on(m), config_);
+                }
+              },
+              message);
           continue;
         }
         const Outcome outcome = fused.ekf.on_at(*z, about, middle);

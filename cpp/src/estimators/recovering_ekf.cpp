@@ -282,7 +282,7 @@ Outcome RecoveringEkf::track(const M& message) {
   const Outcome outcome = places_->on(message);
   tracker_ = places_->mean();
   if (kIsRange && outcome.dof > 0 && places_->decided() != nullptr) {
-    if (health_.is_lost()) {
+    if (health_.is_lost() && recipe_->config.restart) {
       restarts_ += places_->has_moved() ? 1 : 0;
       health_.start(belief().stamp, 1.0 - recipe_->config.start.probability_ready);
     }
@@ -406,9 +406,11 @@ void RecoveringEkf::listen() {
     const auto* air = std::get_if<AirEkf>(&*tracker_);
     if (recipe_->restarts) {
       start_ = fresh();
-    } else if (air != nullptr && recipe_->config.restart && !places_) {
+    } else if (air != nullptr && recipe_->config.restart) {
       const double wrong = health_.wrong();
-      places_.emplace(recipe_->places(), *air);
+      if (!places_) {
+        places_.emplace(recipe_->places(), *air);
+      }
       places_->add(air->anywhere(recipe_->config.health.wrong_span_m), wrong / (1.0 - wrong));
     }
   } else if (!was_lost_) {

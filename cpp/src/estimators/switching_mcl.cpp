@@ -90,7 +90,12 @@ Outcome SwitchingMcl::on(const Message& message) {
 
 SwitchingMcl SwitchingMcl::restarted(const PoseEstimate& pose) const {
   SwitchingMcl again(config_, mcl_.restarted(pose), uwb_);
-  again.uwb_.start_at(pose);
+  if (uwb_.has_started()) {
+    again.uwb_ = uwb_.restarted(pose);
+  } else {
+    again.uwb_.start_at(pose);
+  }
+  again.injections_ = injections_;
   return again;
 }
 

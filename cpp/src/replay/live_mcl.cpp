@@ -25,7 +25,8 @@ void LiveMcl::on(const Message& message, const Observer& observer) {
   Entry entry{effective_stamp(message), arrivals_++, message};
   const bool is_ahead = newest_ != std::numeric_limits<Stamp>::min() &&
                         entry.stamp > newest_ + internal::ClockJumpDetector::kFarAhead;
-  if (is_ahead) {  // one wrong stamp makes none of the others due
+  if (is_ahead) {  // one wrong stamp makes none of the others late
+    take_turns(newest_, observer);
     fuse(entry, observer);
     newest_ = std::max(newest_, newest_fused());
   } else {
@@ -94,26 +95,42 @@ void LiveMcl::take_turns(Stamp until, const Observer& observer) {
 void LiveMcl::fuse(const Entry& entry, const Observer& observer) {
   Outcome own{Verdict::kIgnored};
   const std::size_t jumps_before = jumps();
-  std::visit(
-      [&](auto& timeline) {
-        timeline.on(entry.index, entry.message, [&](std::size_t index, const Outcome& outcome) {
-          if (index == entry.index) {
-            own = outcome;
-          }
-          if (observer.fused) {
-            observer.fused(index, outcome);
-          }
-        });
-      },
-      timeline_);
-  if (jumps() > jumps_before) {
-    newest_ = newest_fused();
-    odometry_begin_.reset();
-    odometry_end_.reset();
+  try {
+    std::visit(
+        [&](auto& timeline) {
+          timeline.on(entry.index, entry.message, [&](std::size_t index, const Outcome& outcome) {
+            if (index == entry.index) {
+              own = outcome;
+            }
+            if (observer.fused) {
+              observer.fused(index, outcome);
+            }
+          });
+        },
+        timeline_);
+  } catch (...) {
+    follow_clock(jumps_before, entry.index);
+    throw;
   }
+  follow_clock(jumps_before, entry.index);
   if (const auto* scan = std::get_if<LaserScan>(&entry.message); scan && observer.scanned) {
     observer.scanned(*scan, own);
   }
+}
+
+/// After a jump, what waited by the clock before it has no turn any more.
+void LiveMcl::follow_clock(std::size_t jumps_before, std::size_t index) {
+  if (jumps() == jumps_before) {
+    return;
+  }
+  newest_ = newest_fused();
+  odometry_begin_.reset();
+  odometry_end_.reset();
+  waiting_.erase(std::remove_if(waiting_.begin(), waiting_.end(),
+                                [&](const Entry& entry) {
+                                  return entry.index < index && entry.stamp > newest_;
+                                }),
+                 waiting_.end());
 }
 
 const Mcl& LiveMcl::mcl() const {

@@ -74,7 +74,7 @@ LocalizeRun localize(LiveMcl& mcl, const MessageLog& log, const std::vector<Lase
       keep(run.steps, step_of(mcl.mcl()));
     }
     if (progress) {
-      progress(outcomes.size() - mcl.waiting(), run);
+      progress(outcomes.size() - std::min(mcl.waiting(), outcomes.size()), run);
     }
   };
   std::size_t next = 0;

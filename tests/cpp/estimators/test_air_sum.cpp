@@ -32,7 +32,7 @@ std::vector<Anchor> side_by_side() {
 AirEkf::Config config_of_flight() {
   AirEkf::Config config = testing::well_informed(AirMotion::kConstantVelocity);
   config.correlation_s = 0.0;  // its errors are independent
-  config.gate_range = 0.999;
+  config.gate_range = config.gate_altitude = 0.999;
   return config;
 }
 
@@ -62,10 +62,12 @@ AirEstimate estimate_of(const RecoveringEkf& ekf, Stamp /*stamp*/) {
   return *ekf.current_in_space();
 }
 
-/// Every `wrong_every`-th range is wrong by up to 20 m.
+/// Every `wrong_every`-th range is wrong by up to 20 m. With an altimeter there is an altitude
+/// before each two ranges, of which every twentieth is wrong, too.
 template <class Ekf>
 AfterSilence silence(const std::vector<Anchor>& anchors, int wrong_every,
-                     Ekf (*filter)(const std::vector<Anchor>&, const AirEstimate&)) {
+                     Ekf (*filter)(const std::vector<Anchor>&, const AirEstimate&),
+                     bool has_altimeter = false) {
   AfterSilence result;
   for (std::uint64_t seed = 1; seed <= kFlights; ++seed) {
     testing::Rng rng(seed);
@@ -86,6 +88,11 @@ AfterSilence silence(const std::vector<Anchor>& anchors, int wrong_every,
     for (Stamp now = kTick; now <= kEnd; now += kTick) {
       testing::by_itself(rng, flight, now - kTick, now, velocity);
       const auto index = static_cast<std::size_t>(now / kTick) % anchors.size();
+      if (has_altimeter && (now <= kCutOff || now > kReceivedAgain)) {
+        const double wrong = now / kTick % 20 == 0 ? testing::uniform(rng, -20.0, 20.0) : 0.0;
+        const double height = flight.height + wrong + testing::normal(rng, 0.2);
+        (void)ekf.on(Altitude{now - kTick / 2, height, 0.2});
+      }
       for (const std::size_t which : {index, (index + 1) % anchors.size()}) {
         const Anchor& a = anchors[which];
         double range = std::hypot(flight.x - a.position.x(), flight.y - a.position.y(),
@@ -141,6 +148,85 @@ TEST(AirSum, a_flight_is_found_again_by_ranges_of_which_some_are_wrong) {
   const AfterSilence found = silence(testing::corners(), 20, recovering);
   EXPECT_GE(found.back, kFlights - 2);  // some are 100 m away
   EXPECT_LE(found.sure_and_wrong, 1);
+}
+
+TEST(AirSum, an_altimeter_between_the_ranges_helps_and_its_wrong_values_do_not_decide) {
+  const AfterSilence found = silence(testing::corners(), 0, recovering, true);
+  EXPECT_GE(found.back, kFlights - 2);
+  // Three coordinates at one or two moments before it is found: chance alone gives 1 to 2.
+  EXPECT_LE(found.sure_and_wrong, 5);
+}
+
+/// A flight by odometry that has lost all sensors for 20 s, and then has odometry and ranges that
+/// come between the ends of its motions.
+TEST(AirSum, a_flight_by_odometry_is_found_again_though_ranges_come_between_its_motions) {
+  int back = 0;
+  int stale = 0;
+  for (std::uint64_t seed = 1; seed <= kFlights; ++seed) {
+    testing::Rng rng(seed);
+    testing::Flight flight;
+    const Vector<4> sigma(0.2, 0.2, 0.05, 0.2);
+    flight.start = {0, {2.0, -1.0, 0.4}, 3.0, sigma.cwiseAbs2().asDiagonal()};
+    flight.x = 2.0;
+    flight.y = -1.0;
+    flight.heading = 0.4;
+    flight.height = 3.0;
+    AirEkf::Config air = testing::well_informed(AirMotion::kOdometry);
+    air.correlation_s = 0.0;
+    air.gate_range = 0.999;
+    const auto anchors = std::make_shared<AnchorMap>(testing::corners());
+    const std::vector<Tag> tags{{0, {0.0, 0.0, -0.1}}};
+    RecoveringEkf::Config config;
+    config.tracker = air;
+    config.estimator.correlation_s = 0.0;
+    RecoveringEkf ekf(config, anchors, tags, nullptr);
+    ekf.start_with(AirEkf(air, anchors, tags, flight.start));
+    Vector<3> velocity = Vector<3>::Zero();
+    for (Stamp now = kTick; now <= kEnd; now += kTick) {
+      const bool is_silent = now > kCutOff && now <= kReceivedAgain;
+      const Vector<3> before(flight.x, flight.y, flight.height);
+      testing::by_odometry(rng, flight, now - kTick, now, velocity);
+      if (is_silent) {
+        continue;
+      }
+      const auto& driven = std::get<testing::Driven>(flight.messages.back());
+      (void)ekf.on(driven.motion);
+      const Vector<3> middle = 0.5 * (before + Vector<3>(flight.x, flight.y, flight.height));
+      const Anchor a = testing::corners()[static_cast<std::size_t>(now / kTick) % 4];
+      const double range = (middle - Vector<3>(0.0, 0.0, 0.1) - a.position).norm();
+      const double noise = testing::normal(rng, 0.1);
+      const Outcome outcome = ekf.on(Range{now - kTick / 2, 0, a.id, range + noise, {}});
+      stale += outcome.verdict == Verdict::kStale ? 1 : 0;
+    }
+    const AirEstimate here = *ekf.estimate_in_space();
+    const Vector<3> off(flight.x - here.pose.x, flight.y - here.pose.y,
+                        flight.height - here.height);
+    EXPECT_EQ(here.stamp, kEnd) << "seed " << seed;
+    back += off.norm() < 1.0 ? 1 : 0;
+  }
+  EXPECT_EQ(stale, 0);
+  EXPECT_GE(back, kFlights - 5);
+}
+
+/// Odometry goes on after a single range that is too near: it is not kept for ever.
+TEST(AirSum, one_range_does_not_stop_the_body_that_drives_on_without_others) {
+  const Vector<4> sigma(4.0, 4.0, 0.5, 2.0);
+  AirEkf::Config air = testing::well_informed(AirMotion::kOdometry);
+  air.gate_range = 0.999;
+  const auto anchors = std::make_shared<AnchorMap>(testing::corners());
+  const std::vector<Tag> tags{{0, {0.0, 0.0, -0.1}}};
+  RecoveringEkf::Config config;
+  config.tracker = air;
+  RecoveringEkf ekf(config, anchors, tags, nullptr);
+  ekf.start_with(
+      AirEkf(air, anchors, tags, {0, {-8.0, -8.0, 0.4}, 3.0, sigma.cwiseAbs2().asDiagonal()}));
+  ASSERT_EQ(ekf.on(Range{0, 0, 0, 3.5, {}}).verdict, Verdict::kIgnored);
+  const double began = ekf.current_in_space()->pose.x;
+  for (Stamp now = 0; now < 10 * kSecond; now += kTick) {
+    ASSERT_EQ(ekf.on(Increment{now, now + kTick, {0.05, 0.0, 0.0}}).verdict, Verdict::kFused);
+  }
+  EXPECT_GE(ekf.belief().stamp, 9 * kSecond);
+  EXPECT_GT(ekf.estimate_in_space()->pose.x - began, 5.0);
 }
 
 /// Four anchors at 0.57 m, in the air above which and below which ranges are the same.

@@ -253,6 +253,64 @@ TEST(LiveMcl, one_stamp_far_ahead_leaves_the_rest_as_it_is) {
   expect_same(a.mcl(), b.mcl());
 }
 
+TEST(LiveMcl, a_first_stamp_far_ahead_makes_nothing_late) {
+  const Drive run = drive();
+  LiveMcl a(mcl_for(run));
+  LiveMcl b(mcl_for(run));
+  for (std::size_t i = 0; i < run.messages.size(); ++i) {
+    a.on(run.messages[i].message);
+    b.on(run.messages[i].message);
+    if (i == 0) {
+      b.on(Range{3600 * kSecond, 0, 0, 2.0, 0.1});
+    }
+  }
+  a.finish();
+  b.finish();
+  expect_same(a.mcl(), b.mcl());
+}
+
+TEST(LiveMcl, what_waited_before_a_jump_of_the_clock_is_not_of_the_time_after_it) {
+  const Drive run = drive();
+  for (const bool switches : {false, true}) {
+    LiveMcl::Options options;
+    options.timeline.clock_jump = ClockJump::kContinue;
+    RecoveringEkf uwb(RecoveringEkf::Config{}, run.anchors, {{0, {0.0, 0.0, 0.0}}}, nullptr);
+    uwb.start_at({0, run.start, 0.01 * Matrix<3, 3>::Identity()});
+    LiveMcl live = switches ? LiveMcl(SwitchingMcl({}, mcl_for(run), uwb), options)
+                            : LiveMcl(mcl_for(run), options);
+    const auto lap = [&](Stamp shift, std::size_t end) {
+      for (std::size_t i = 0; i < end; ++i) {
+        live.on(std::visit([&](auto m) -> Message { return earlier(m, -shift); },
+                           run.messages[i].message));
+      }
+    };
+    lap(3600 * kSecond, run.messages.size());
+    LaserScan ahead = std::get<LaserScan>(run.messages[1].message);
+    ahead.stamp = 3600 * kSecond + (kTicks + 2) * kTick;
+    live.on(ahead);
+    ASSERT_GT(live.waiting(), 0U);
+    lap(0, run.messages.size());
+    live.finish();
+    EXPECT_EQ(live.jumps(), 1U);
+    EXPECT_EQ(live.estimate().stamp, kTicks * kTick);
+    if (switches) {
+      EXPECT_EQ(live.switching()->uwb().estimate().stamp, kTicks * kTick);
+    }
+  }
+}
+
+TEST(LiveMcl, a_clock_that_stands_still_does_not_fill_the_memory) {
+  const Drive run = drive();
+  LiveMcl::Options options;
+  options.timeline.max_messages = 512;
+  LiveMcl live(mcl_for(run), options);
+  for (int i = 0; i < 12'000; ++i) {
+    live.on(Velocity{0, 0.0, 0.0});
+  }
+  live.finish();
+  EXPECT_GT(live.dropped_messages(), 11'000U);
+}
+
 TEST(LiveMcl, takes_what_waits_in_another) {
   const Drive run = drive();
   LiveMcl before(mcl_for(run));

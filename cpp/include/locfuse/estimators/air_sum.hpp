@@ -34,7 +34,8 @@ class AirSum {
   /// Its mirror image beside a single place, if ranges cannot tell them apart.
   void add_image(const AirEkf& image, double odds);
 
-  /// What became of it by the likeliest place; kIgnored for a range that is kept for an epoch.
+  /// What became of it by the likeliest place; kIgnored for what is kept for an epoch, odometry
+  /// apart.
   Outcome on(const Range& z);
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
@@ -66,9 +67,12 @@ class AirSum {
   };
 
   template <class M>
+  Outcome take(const M& message);
+  template <class M>
   Outcome weigh(const M& z, double news = 1.0);
   template <class M>
-  Outcome carry(const M& u);
+  Outcome keep(const M& message);
+  void close_when_due(Stamp stamp);
   void close();
   void forget(Stamp until);
   void fuse_epoch(const Component& from, const std::vector<Range>& ranges,
@@ -81,7 +85,7 @@ class AirSum {
 
   Config config_;
   std::vector<Component> components_;  // the likeliest first
-  std::vector<Message> epoch_;         // ranges that are kept, and odometry between them
+  std::vector<Message> epoch_;         // ranges that are kept, and what came after the first
   Stamp begun_ = 0;                    // of the last try to fuse them
   std::vector<Link> links_;
 };

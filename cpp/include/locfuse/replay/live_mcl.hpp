@@ -83,6 +83,7 @@ class LiveMcl {
   [[nodiscard]] Stamp due() const;
   void take_turns(Stamp until, const Observer& observer);
   void fuse(const Entry& entry, const Observer& observer);
+  void follow_clock(std::size_t jumps_before, std::size_t index);
   [[nodiscard]] Stamp newest_fused() const;
 
   std::variant<Timeline<Mcl>, Timeline<SwitchingMcl>> timeline_;

@@ -41,8 +41,9 @@ class MessageHistory {
   /// Messages that are kept at least.
   static constexpr std::size_t kMinMessages = 2 * kSnapshotInterval * kSnapshotInterval;
 
-  /// `length` [ns] is how late a message may be.
-  explicit MessageHistory(Stamp length) : length_(length) {}
+  /// `length` [ns] is how late a message may be, of at most `max_messages`.
+  MessageHistory(Stamp length, std::size_t max_messages)
+      : length_(length), max_messages_(max_messages) {}
 
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
   /// Stamp of the newest message fused; the least of all stamps before the first.
@@ -257,7 +258,10 @@ class MessageHistory {
     }
     const std::size_t last = last_snapshot().position;
     if constexpr (kFewSnapshots < Estimator >> 0) {
-      if (last == position || stamp - entries_[last].stamp < length_ / kFewSnapshots<Estimator>) {
+      const bool is_time =
+          last < position && stamp - entries_[last].stamp >= length_ / kFewSnapshots<Estimator>;
+      const bool are_many = position >= last + max_messages_ / (2 * kFewSnapshots<Estimator>);
+      if (!is_time && !are_many) {
         return false;
       }
     }
@@ -318,6 +322,7 @@ class MessageHistory {
   }
 
   Stamp length_;
+  std::size_t max_messages_;
   Stamp forgotten_until_ = std::numeric_limits<Stamp>::min();
   std::vector<TimelineEntry> entries_;  // sorted; the oldest has a snapshot
   std::vector<Snapshot> snapshots_;     // the first snapshots_used_ are valid

@@ -98,7 +98,7 @@ class Timeline {
       : start_(estimator),
         estimator_(std::move(estimator)),
         options_(options),
-        history_(history),
+        history_(history, options.max_messages),
         detector_(options.jump_after) {
     if (history < 0 || history > kStampLimit) {
       throw std::invalid_argument("history is " + std::to_string(history) +
