@@ -46,7 +46,7 @@ def test_every_estimator_is_in_the_gate() -> None:
     names = locfuse.core.__all__
     estimators = {n for n in names if is_estimator(n) and inspect.isclass(getattr(locfuse.core, n))}
     covered = {name.split(":")[0] for name in SCENARIOS} | {"Mcl"}
-    # It is an Mcl as long as nothing is wrong, and an injected pose is that of a PoseEkf.
+    # These are an Mcl as long as nothing is wrong, and an injected pose is that of a PoseEkf.
     assert estimators - covered == {"SwitchingMcl", "LiveMcl"}
 
 
