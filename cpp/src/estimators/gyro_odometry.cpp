@@ -36,12 +36,15 @@ struct Tuning {
   static constexpr double kSlipLasts = 3.0;       ///< for how long [s]
   static constexpr double kMaxTurn = 1e3;         ///< of a motion that can be compared [rad]
   static constexpr double kMaxVariance = 1e6;     ///< of its turn [rad^2]
+  static constexpr double kMinVariance = 1e-30;   ///< of bias and scale, where rounding left less
   static constexpr std::size_t kFrozenSamples = 10;  ///< of one value: the gyro has stopped
 };
 
 GyroOdometry::Config checked(const GyroOdometry::Config& c) {
   internal::positive("gyro.sigma_turn_per_sqrt_s", c.sigma_turn_per_sqrt_s);
   internal::positive("gyro.sigma_bias_radps", c.sigma_bias_radps);
+  internal::sigma_in_bounds("gyro.sigma_turn_per_sqrt_s", c.sigma_turn_per_sqrt_s);
+  internal::sigma_in_bounds("gyro.sigma_bias_radps", c.sigma_bias_radps);
   internal::sigma_in_bounds("gyro.sigma_bias_radps_per_sqrt_s", c.sigma_bias_radps_per_sqrt_s);
   internal::sigma_in_bounds("gyro.sigma_scale", c.sigma_scale);
   internal::sigma_in_bounds("gyro.sigma_turn_scale", c.sigma_turn_scale);
@@ -145,6 +148,10 @@ GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double meas
   // difference, and would make it weigh most where it is smallest.
   const bool stands = motion.heading == 0.0 && motion.position().squaredNorm() == 0.0;
   rate_ += (1.0 - std::exp(-seconds / Tuning::kWindow)) * (by_gyro / seconds - rate_);
+  if (!(std::abs(rate_) * std::max(seconds, Tuning::kWindow) < Tuning::kMaxTurn)) {
+    rate_ = 0.0;
+    return {Verdict::kNoGyro, wheels};
+  }
   const double mean_turn = stands ? 0.0 : rate_ * seconds;
   Vector<3> variance =
       wheels_.propagate(Pose2{}, {motion.x, motion.y, mean_turn}, seconds).noise.diagonal();
@@ -262,6 +269,7 @@ void GyroOdometry::learn(double difference, const Vector<2>& H, double variance)
   x_ += K * (difference - H.dot(x_));
   const double before = P_(0, 0);
   P_ -= K * PH.transpose();
+  P_.diagonal() = P_.diagonal().cwiseMax(Tuning::kMinVariance);
   age_s_ *= P_(0, 0) / before;
   P_ = 0.5 * (P_ + P_.transpose()).eval();
 }
