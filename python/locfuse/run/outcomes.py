@@ -40,7 +40,7 @@ def outcomes_of(
     verdict = VERDICTS[record.verdict]
     nis, dof = record.nis, record.dof
     of_tags = config.estimator.filter == "tag_triangle"
-    reason = _reasons(messages, verdict, log, start_ns, is_of_tags=of_tags)
+    reason = _reasons(messages, verdict, log, is_of_tags=of_tags)
     for row in np.flatnonzero(verdict == "gated"):
         limit = record.limit[row]
         if nis[row] > limit:
@@ -50,8 +50,7 @@ def outcomes_of(
         else:
             reason[row] = "ambiguous: too near a landmark for a new one"
     _explain_conditioning(reason, verdict, record)
-    late = (verdict == "stale") & (messages.stamp_ns >= start_ns)
-    reason[late] = f"older than the history of {config.history_s:g} s"
+    late = _explain_stale(reason, verdict, messages.stamp_ns, start_ns, config)
     if record.dropped_messages:
         reason[late] += f" or {config.history_messages} messages"
     used = (
@@ -77,15 +76,31 @@ def outcomes_of(
     )
 
 
-def outcomes_of_mcl(localization: Localization, log: Log) -> Outcomes:
+def outcomes_of_mcl(localization: Localization, log: Log, config: RunConfig) -> Outcomes:
     """Return the verdicts of an `Mcl` on messages and scans, in order of arrival."""
     messages = localization.messages
     verdict = VERDICTS[localization.verdict]
-    reason = _reasons(messages, verdict, log, localization.begin_ns)
+    reason = _reasons(messages, verdict, log)
     _explain_conditioning(reason, verdict, localization)
+    _explain_stale(reason, verdict, messages.stamp_ns, localization.begin_ns, config)
     outcomes = _bare(messages.stamp_ns, messages.source, messages.tag, messages.anchor, verdict,
                      reason)  # fmt: skip
-    return with_scans(outcomes, localization, log)
+    return with_scans(outcomes, localization, log, config)
+
+
+def _explain_stale(
+    reason: NDArray[np.object_],
+    verdict: NDArray[np.str_],
+    stamp_ns: StampArray,
+    begin_ns: int,
+    config: RunConfig,
+) -> NDArray[np.bool_]:
+    """Write why messages are stale; return which of them came too late."""
+    stale, early = verdict == "stale", stamp_ns < begin_ns
+    late: NDArray[np.bool_] = stale & ~early
+    reason[stale & early] = "before the start"
+    reason[late] = f"older than the history of {config.history_s:g} s"
+    return late
 
 
 def _explain_conditioning(
@@ -120,13 +135,15 @@ def _upper(estimate: _core.PoseEstimate) -> str:
     return f"[{numbers}]"
 
 
-def with_scans(outcomes: Outcomes, localization: Localization, log: Log) -> Outcomes:
+def with_scans(
+    outcomes: Outcomes, localization: Localization, log: Log, config: RunConfig
+) -> Outcomes:
     """Return outcomes with a row for each scan, which comes after all messages up to its stamp."""
     stamp = log["scans"]["stamp_ns"]
     verdict = VERDICTS[localization.scan_verdict]
     reason = np.full(len(stamp), "", dtype=object)
     reason[verdict == "not_modelled"] = "no news: hardly moved, or no returns"
-    reason[verdict == "stale"] = "before the start"
+    _explain_stale(reason, verdict, stamp, localization.begin_ns, config)
     empty = np.full(len(stamp), "")
     return _with(outcomes, _bare(stamp, np.full(len(stamp), "scans"), empty, empty, verdict,
                                  reason))  # fmt: skip
@@ -142,12 +159,7 @@ def _with(outcomes: Outcomes, others: Outcomes) -> Outcomes:
 
 
 def _reasons(
-    messages: Messages,
-    verdict: NDArray[np.str_],
-    log: Log,
-    start_ns: int,
-    *,
-    is_of_tags: bool = False,
+    messages: Messages, verdict: NDArray[np.str_], log: Log, *, is_of_tags: bool = False
 ) -> NDArray[np.object_]:
     """Return the reasons that hardly depend on the estimator."""
     reason = np.full(len(verdict), "", dtype=object)
@@ -179,7 +191,6 @@ def _reasons(
         slips = driven[log["odometry"]["slipped"][messages.row[driven]]]
         reason[slips] = "wheels slip, by the gyro: its turn counts, and the way less"
     reason[verdict == "ignored"] = "used for the start"
-    reason[(verdict == "stale") & (messages.stamp_ns < start_ns)] = "before the start"
     return reason
 
 

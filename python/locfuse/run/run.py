@@ -241,7 +241,7 @@ def _fused(
                            height_variance=record.covariances_in_space[:, 3, 3].copy())  # fmt: skip
     outcomes = outcomes_of(messages, record, log, config, started.stamp_ns, started.used_until)
     if localization is not None:
-        outcomes = with_scans(outcomes, localization, log)
+        outcomes = with_scans(outcomes, localization, log, config)
         wall_s += localization.wall_s
     duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
     health = health_of(record, messages, config)
@@ -290,7 +290,7 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
     if localization.searched:
         ready = found is not None and estimate.stamp_ns >= found.stamp_ns
         estimate = rows_of(estimate, np.broadcast_to(ready, len(estimate)))
-    outcomes = outcomes_of_mcl(localization, log)
+    outcomes = outcomes_of_mcl(localization, log, config)
     lost = np.concatenate([[False], localization.health.state == "lost"])
     alarms = int(np.sum(lost[1:] & ~lost[:-1]))
     duration_s = (localization.end_ns - localization.begin_ns) / NANOSECONDS

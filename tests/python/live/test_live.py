@@ -205,6 +205,18 @@ def test_one_scan_in_five_late_by_half_a_second_ends_with_the_particles_of_those
     assert ends[0] == ends[1]
 
 
+def test_a_scan_that_is_too_late_for_particles_is_stale_and_says_why() -> None:
+    config, log, start = particles_from_the_truth()
+    stamp = log["scans"]["stamp_ns"]
+    late_ns = np.where(np.arange(len(stamp)) == 3, 5 * 10**9, 0)
+    scans = {**log["scans"], "arrival_ns": stamp + late_ns}
+    at = _core.PoseEstimate(start.stamp_ns, _core.Pose2(*start.pose.tolist()), start.covariance)
+    outcomes = run(config, replace(log, tables={**log.tables, "scans": scans}), start=at).outcomes
+    stale = outcomes.verdict == "stale"
+    assert outcomes.source[stale].tolist() == ["scans"]
+    assert outcomes.reason[stale].tolist() == ["older than the history of 2 s"]
+
+
 def test_particles_with_a_given_start_have_protection_levels() -> None:
     live, _ = live_of(*particles_from_the_truth())
     health = live.health()
