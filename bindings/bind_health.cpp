@@ -4,8 +4,8 @@
 #include <variant>
 
 #include "bindings.hpp"
-#include "locfuse/estimators/health.hpp"
 #include "locfuse/filters/gate.hpp"
+#include "locfuse/recovery/health.hpp"
 
 namespace py = pybind11;
 using locfuse::Health;

@@ -3,7 +3,7 @@
 
 #include "alone.hpp"
 #include "bindings.hpp"
-#include "locfuse/estimators/initializer.hpp"
+#include "locfuse/recovery/initializer.hpp"
 
 namespace py = pybind11;
 using locfuse::Initializer;

@@ -3,7 +3,7 @@
 
 #include "alone.hpp"
 #include "bindings.hpp"
-#include "locfuse/estimators/mcl.hpp"
+#include "locfuse/particles/mcl.hpp"
 #include "numpy.hpp"
 #include "particles.hpp"
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "alone.hpp"
 #include "bindings.hpp"
-#include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/recovery/recovering_ekf.hpp"
 
 namespace py = pybind11;
 using locfuse::RecoveringEkf;

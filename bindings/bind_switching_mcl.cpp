@@ -4,7 +4,7 @@
 
 #include "alone.hpp"
 #include "bindings.hpp"
-#include "locfuse/estimators/switching_mcl.hpp"
+#include "locfuse/particles/switching_mcl.hpp"
 #include "particles.hpp"
 
 namespace py = pybind11;

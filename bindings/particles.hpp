@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "locfuse/estimators/mcl.hpp"
+#include "locfuse/particles/mcl.hpp"
 #include "numpy.hpp"
 
 inline pybind11::array_t<double> particles_of(const locfuse::Mcl& mcl) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "locfuse/estimators/switching_mcl.hpp"
+#include "locfuse/particles/switching_mcl.hpp"
 #include "particles.hpp"
 #include "worlds.hpp"
 

@@ -3,7 +3,7 @@
 
 #include "checks.hpp"
 #include "health.hpp"
-#include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/recovery/recovering_ekf.hpp"
 #include "support/scrubber.hpp"
 #include "worlds.hpp"
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "checks.hpp"
-#include "locfuse/estimators/health.hpp"
+#include "locfuse/recovery/health.hpp"
 
 namespace locfuse::fuzz {
 

@@ -4,7 +4,7 @@
 #include "checks.hpp"
 #include "codec.hpp"
 #include "health.hpp"
-#include "locfuse/estimators/mcl.hpp"
+#include "locfuse/particles/mcl.hpp"
 
 namespace locfuse::fuzz {
 

@@ -20,8 +20,10 @@ MAY_INCLUDE = {
     "frontends": {"math", "geometry", "messages", "maps"},
     "filters": {"math", "geometry"},
     "estimators": {"math", "geometry", "messages", "maps", "models", "frontends", "filters"},
-    "replay": {"math", "geometry", "messages", "maps", "models", "filters", "estimators"},
 }
+MAY_INCLUDE["recovery"] = MAY_INCLUDE["estimators"] | {"estimators"}
+MAY_INCLUDE["particles"] = MAY_INCLUDE["recovery"] | {"recovery"}
+MAY_INCLUDE["replay"] = MAY_INCLUDE["particles"] - {"frontends"} | {"particles"}
 INCLUDE = re.compile(r'^\s*#\s*include\s+(["<])([^">]+)[">]', re.MULTILINE)
 
 

@@ -113,7 +113,9 @@ class Copy:
             shutil.copytree(ROOT / part, folder / part, copy_function=shutil.copy)
         shutil.copy(ROOT / "CMakeLists.txt", folder)
         library = folder / "cpp" / "CMakeLists.txt"
-        above = re.compile(r"^ *src/(frontends|estimators|replay)/\w+\.cpp\n", re.MULTILINE)
+        above = re.compile(
+            r"^ *src/(frontends|estimators|recovery|particles|replay)/\w+\.cpp\n", re.MULTILINE
+        )
         library.write_text(above.sub("", library.read_text()))
         subprocess.run(
             ["cmake", "-S", folder, "-B", folder / "build", "-G", "Ninja",

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "locfuse/estimators/mcl.hpp"
 #include "locfuse/maps/distance_field.hpp"
+#include "locfuse/particles/mcl.hpp"
 #include "locfuse/replay/live_mcl.hpp"
 #include "scan_room.hpp"
 

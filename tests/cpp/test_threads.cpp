@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <thread>
 
-#include "locfuse/estimators/mcl.hpp"
+#include "locfuse/particles/mcl.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "support/expect.hpp"
 #include "support/rooms.hpp"

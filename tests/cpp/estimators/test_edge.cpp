@@ -2,9 +2,9 @@
 #include <limits>
 
 #include "locfuse/estimators/air_ekf.hpp"
-#include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/landmark_ekf.hpp"
 #include "locfuse/estimators/tag_triangle_ekf.hpp"
+#include "locfuse/recovery/initializer.hpp"
 #include "support/expect.hpp"
 #include "support/robot.hpp"
 #include "support/scrubber.hpp"

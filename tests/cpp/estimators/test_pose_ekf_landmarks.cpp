@@ -2,8 +2,8 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/recovery/initializer.hpp"
 #include "support/consistency.hpp"
 #include "support/expect.hpp"
 #include "support/random.hpp"

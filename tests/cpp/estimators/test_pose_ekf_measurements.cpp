@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
-#include "locfuse/estimators/initializer.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/recovery/initializer.hpp"
 #include "support/expect.hpp"
 #include "support/linear_kalman.hpp"
 #include "support/robot.hpp"

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/recovery/recovering_ekf.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/timeline.hpp"
 #include "support/expect.hpp"

@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/recovery/recovering_ekf.hpp"
 #include "locfuse/replay/timeline.hpp"
 #include "support/random.hpp"
 #include "support/robot.hpp"

@@ -53,10 +53,10 @@ from support_runs import ROOT, room
 
 PAIRS: dict[str, tuple[type[Strict], type[Any], str]] = {
     "Estimator": (Estimator, _core.PoseEkfConfig, "estimators/pose_ekf.hpp"),
-    "Health": (Health, _core.HealthConfig, "estimators/health.hpp"),
-    "Initializer": (Initializer, _core.InitializerConfig, "estimators/initializer.hpp"),
-    "Mcl": (Mcl, _core.MclConfig, "estimators/mcl_config.hpp"),
-    "Switch": (Switch, _core.SwitchingMclConfig, "estimators/switching_mcl.hpp"),
+    "Health": (Health, _core.HealthConfig, "recovery/health.hpp"),
+    "Initializer": (Initializer, _core.InitializerConfig, "recovery/initializer.hpp"),
+    "Mcl": (Mcl, _core.MclConfig, "particles/mcl_config.hpp"),
+    "Switch": (Switch, _core.SwitchingMclConfig, "particles/switching_mcl.hpp"),
     "TagConditioner": (TagConditioner, _core.TagConditionerConfig, "frontends/tag_conditioner.hpp"),
     "LikelihoodField": (
         LikelihoodField,

@@ -4,7 +4,7 @@
 #include <array>
 #include <optional>
 
-#include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/recovery/recovering_ekf.hpp"
 #include "locfuse/replay/start.hpp"
 #include "locfuse/replay/timeline.hpp"
 

@@ -10,8 +10,8 @@
 #include <variant>
 #include <vector>
 
-#include "locfuse/estimators/mcl.hpp"
-#include "locfuse/estimators/switching_mcl.hpp"
+#include "locfuse/particles/mcl.hpp"
+#include "locfuse/particles/switching_mcl.hpp"
 #include "locfuse/replay/timeline.hpp"
 
 namespace locfuse {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "locfuse/estimators/pose_ekf.hpp"
-#include "locfuse/estimators/recovering_ekf.hpp"
+#include "locfuse/recovery/recovering_ekf.hpp"
 #include "locfuse/replay/message_log.hpp"
 #include "locfuse/replay/timeline.hpp"
 

@@ -5,7 +5,7 @@
 #include <variant>
 #include <vector>
 
-#include "locfuse/estimators/initializer.hpp"
+#include "locfuse/recovery/initializer.hpp"
 #include "locfuse/replay/message_log.hpp"
 
 namespace locfuse {

@@ -1,0 +1,473 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/recovery/recovering_ekf.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "estimators/recipe.hpp"
+#include "locfuse/error.hpp"
+#include "locfuse/math/angle.hpp"
+
+namespace locfuse {
+namespace {
+
+const PoseEstimate& planar(const PoseEstimate& estimate) { return estimate; }
+PoseEstimate planar(const AirEstimate& estimate) {
+  return {estimate.stamp, estimate.pose, estimate.covariance.topLeftCorner<3, 3>()};
+}
+
+/// Where three tags are whose heading nobody knows: after a long silence their triangle is lost.
+PoseEstimate without_heading(const GaussianBelief& belief) {
+  constexpr int kTags = TagTriangleEkf::kTags;
+  PoseEstimate estimate{belief.stamp, {}, Matrix<3, 3>::Identity()};
+  Vector<2> middle = Vector<2>::Zero();
+  for (int tag = 0; tag < kTags; ++tag) {
+    middle += belief.x.segment<2>(2 * tag) / kTags;
+  }
+  const double spread = 1.0 + 2.0 * belief.P.diagonal().head<2 * kTags>().maxCoeff();  // [m^2]
+  estimate.pose = {middle.x(), middle.y(), 0.0};
+  estimate.covariance.diagonal() << spread, spread, kPi * kPi / 3.0;  // any heading
+  return estimate;
+}
+
+/// What `estimate` says of an estimator's pose.
+template <class Ekf, class Estimate>
+PoseEstimate pose_of(const Ekf& ekf, const Estimate& estimate) {
+  if constexpr (std::is_same_v<Ekf, TagTriangleEkf>) {
+    try {
+      return estimate(ekf);
+    } catch (const NumericalError&) {
+      return without_heading(ekf.belief());
+    }
+  } else {
+    return planar(estimate(ekf));
+  }
+}
+
+/// The estimate at a stamp that may be that of the belief.
+template <class Ekf>
+auto estimate_at(const Ekf& ekf, Stamp stamp) {
+  return stamp > ekf.belief().stamp ? ekf.estimate(stamp) : ekf.current();
+}
+
+/// The estimate at the end of odometry, but not before `stamp`.
+template <class Ekf>
+auto estimate_from(const Ekf& ekf, Stamp stamp) {
+  auto now = ekf.estimate();
+  return stamp > now.stamp ? ekf.estimate(stamp) : now;
+}
+
+template <class Call>
+auto of(Tracker& tracker, const Call& call) {
+  return std::visit(call, tracker);
+}
+template <class Call>
+auto of(const Tracker& tracker, const Call& call) {
+  return std::visit(call, tracker);
+}
+
+}  // namespace
+
+RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
+                             std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
+                             LandmarkSensor landmarks)
+    : recipe_(std::make_shared<const Recipe>(Recipe{
+          config,
+          Initializer(config.start, config.estimator, anchors, tags, std::move(matcher), landmarks,
+                      config.tag_conditioner),
+          std::move(anchors), std::move(tags), std::move(landmarks),
+          config.restart && (!config.tracker ||
+                             std::holds_alternative<TagTriangleEkf::Config>(*config.tracker))})),
+      start_(recipe_->fresh),
+      conditioner_(recipe_->fresh.conditioner()),
+      health_(config.health) {
+  (void)tracker_at({0, {}, Matrix<3, 3>::Identity()}, recipe_->fresh);  // checks
+}
+
+void RecoveringEkf::start_at(const PoseEstimate& start) { start_with(tracker_at(start, fresh())); }
+
+void RecoveringEkf::start_from(const Initializer& found) {
+  start_with(tracker_at(found.estimator().current(), found));
+  conditioner_ = found.conditioner();
+}
+
+/// A filter that starts at `start`, with the last odometry of a search.
+Tracker RecoveringEkf::tracker_at(const PoseEstimate& start, const Initializer& found) const {
+  const Config& config = recipe_->config;
+  if (!config.tracker) {
+    return found.started_at(start);
+  }
+  Tracker tracker = [&]() -> Tracker {
+    if (const auto* mapping = std::get_if<LandmarkEkf::Config>(&*config.tracker)) {
+      return LandmarkEkf(*mapping, start, recipe_->landmarks.T_body_sensor, config.known);
+    }
+    if (const auto* air = std::get_if<AirEkf::Config>(&*config.tracker)) {
+      AirEstimate in_space{start.stamp, start.pose, config.start_height};
+      in_space.covariance.topLeftCorner<3, 3>() = start.covariance;
+      in_space.covariance(3, 3) = config.sigma_start_height * config.sigma_start_height;
+      return AirEkf(*air, recipe_->anchors, recipe_->tags, in_space, recipe_->landmarks);
+    }
+    return TagTriangleEkf(std::get<TagTriangleEkf::Config>(*config.tracker), recipe_->tags, start,
+                          recipe_->anchors);
+  }();
+  if (const std::optional<Message> rest = found.odometry_from(start.stamp)) {
+    of(tracker, [&](auto& ekf) { return ekf.on(*rest); });
+  }
+  return tracker;
+}
+
+Initializer RecoveringEkf::fresh() const {
+  Initializer anew = recipe_->fresh;
+  if (tracker_) {  // lost, it may have no scans
+    anew.use_gaussian_sum();
+  }
+  if (control_) {
+    anew.on(*control_);
+  } else if (tracker_ && !recipe_->config.tracker) {
+    anew.expect_motion();
+  }
+  return anew;
+}
+
+RecoveringEkf RecoveringEkf::restarted(const PoseEstimate& start) const {
+  RecoveringEkf other = *this;
+  other.start_with(of(started(), [&](const auto& ekf) -> Tracker {
+    using Ekf = std::decay_t<decltype(ekf)>;
+    if constexpr (std::is_same_v<Ekf, LandmarkEkf> || std::is_same_v<Ekf, AirEkf>) {
+      return ekf.continued_at(start.stamp);
+    } else {
+      return ekf.restarted(start);
+    }
+  }));
+  other.control_.reset();
+  other.conditioner_ = recipe_->fresh.conditioner();
+  return other;
+}
+
+const Tracker& RecoveringEkf::started() const {
+  if (!tracker_) {
+    throw std::logic_error("the RecoveringEkf has not started; call start_at before");
+  }
+  return *tracker_;
+}
+
+Stamp RecoveringEkf::stamp() const {
+  const Stamp believed = belief().stamp;
+  return newest_ - believed >= kReportEvery ? newest_ : believed;
+}
+
+PoseEstimate RecoveringEkf::believed() const {
+  return of(started(), [at = stamp()](const auto& ekf) {
+    return pose_of(ekf, [at](const auto& one) { return estimate_at(one, at); });
+  });
+}
+
+PoseEstimate RecoveringEkf::current() const { return doubted(believed()); }
+
+PoseEstimate RecoveringEkf::estimate() const {
+  return doubted(of(started(), [at = stamp()](const auto& ekf) {
+    return pose_of(ekf, [at](const auto& one) { return estimate_from(one, at); });
+  }));
+}
+
+PoseEstimate RecoveringEkf::doubted(const PoseEstimate& estimate) const {
+  return health_.is_lost() ? health_.doubted(estimate, health_.wrong()) : estimate;
+}
+
+std::optional<AirEstimate> RecoveringEkf::current_in_space() const {
+  const auto* ekf = std::get_if<AirEkf>(&started());
+  return ekf != nullptr ? std::optional(estimate_at(*ekf, stamp())) : std::nullopt;
+}
+
+std::optional<AirEstimate> RecoveringEkf::estimate_in_space() const {
+  const auto* ekf = std::get_if<AirEkf>(&started());
+  return ekf != nullptr ? std::optional(estimate_from(*ekf, stamp())) : std::nullopt;
+}
+
+const GaussianBelief& RecoveringEkf::belief() const {
+  return *of(started(), [](const auto& ekf) { return &ekf.belief(); });
+}
+
+Outcome RecoveringEkf::on(const Velocity& u) { return drive(u); }
+Outcome RecoveringEkf::on(const Increment& u) { return drive(u); }
+Outcome RecoveringEkf::on(const Range& z) { return correct(z); }
+Outcome RecoveringEkf::on(const PositionFix& z) { return correct(z); }
+Outcome RecoveringEkf::on(const PoseObservation& z) { return correct(z); }
+Outcome RecoveringEkf::on(const RangeBearing& z) { return correct(z); }
+Outcome RecoveringEkf::on(const Altitude& z) { return correct(z); }
+
+Outcome RecoveringEkf::on(const Message& message) {
+  return std::visit([this](const auto& m) { return on(m); }, message);
+}
+
+Outcome RecoveringEkf::on(const LaserScan& z) {
+  validate(z);
+  if (search([&](Initializer& start) { start.on(z); })) {
+    decide();
+  }
+  return {Verdict::kIgnored};
+}
+
+template <class M>
+Outcome RecoveringEkf::drive(const M& u) {
+  Outcome outcome{Verdict::kIgnored};
+  if (tracker_) {
+    outcome = track(u);
+    if (conditioner_ && outcome.verdict != Verdict::kImplausible &&
+        outcome.verdict != Verdict::kStale) {
+      conditioner_->on(u);
+    }
+    health_.advance(belief().stamp);
+    listen();
+  }
+  (void)search([&](Initializer& start) { start.on(u); });
+  control_ = u;
+  return outcome;
+}
+
+Outcome RecoveringEkf::fuse_conditioned(const PositionFix& z) {
+  if (!is_plausible(z, recipe_->config.estimator.limits)) {
+    return {Verdict::kImplausible};
+  }
+  const ConditionedFix result = conditioner_->on(z);
+  if (!result.fix && result.verdict != TagVerdict::kUnknownTag) {
+    Outcome rejected{result.verdict == TagVerdict::kStale ? Verdict::kStale
+                                                          : Verdict::kImplausible};
+    rejected.residual = result.distance;
+    rejected.limit = result.limit;
+    return rejected;
+  }
+  return track(result.fix.value_or(z));
+}
+
+template <class M>
+Outcome RecoveringEkf::fuse(const M& z) {
+  if constexpr (std::is_same_v<M, PositionFix>) {
+    if (conditioner_) {
+      return fuse_conditioned(z);
+    }
+  }
+  if constexpr (std::is_same_v<M, Range>) {
+    if (health_.is_excluded(named_source_of(z))) {
+      return of(*tracker_, [&](auto& ekf) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, LandmarkEkf>) {
+          return ekf.on(z);  // which has no ranges
+        } else {
+          return ekf.weigh(z);
+        }
+      });
+    }
+  }
+  return track(z);
+}
+
+/// What the tracker makes of it, or all places where a body in space may be.
+template <class M>
+Outcome RecoveringEkf::track(const M& message) {
+  constexpr bool kIsRange = std::is_same_v<M, Range>;
+  if constexpr (kIsRange) {
+    const auto* air = std::get_if<AirEkf>(&*tracker_);
+    if (air != nullptr && !places_ && AirSum::is_vague(*air, message)) {
+      places_.emplace(recipe_->places(), *air);
+    }
+  }
+  if (!places_) {
+    const Outcome outcome = of(*tracker_, [&](auto& ekf) { return ekf.on(message); });
+    if (kIsRange && outcome.verdict == Verdict::kFused) {
+      mirror();
+    }
+    return outcome;
+  }
+  const Outcome outcome = places_->on(message);
+  tracker_ = places_->mean();
+  if (kIsRange && outcome.dof > 0 && places_->decided() != nullptr) {
+    if (health_.is_lost() && recipe_->config.restart) {
+      restarts_ += places_->has_moved() ? 1 : 0;
+      health_.start(belief().stamp, 1.0 - recipe_->config.start.probability_ready);
+    }
+    places_.reset();
+  }
+  return outcome;
+}
+
+/// Near the plane of its anchors a body in space may be on either side.
+void RecoveringEkf::mirror() {
+  const auto* air = std::get_if<AirEkf>(&*tracker_);
+  if (air == nullptr || places_) {
+    return;
+  }
+  if (const auto image = air->image()) {
+    places_.emplace(recipe_->places(), *air);
+    places_->add_image(image->first, image->second);
+  }
+}
+
+/// Gives a search what it has a use for: it knows no height, so no line of sight in space.
+template <class M>
+void RecoveringEkf::give(Initializer& start, const M& z) const {
+  if constexpr (std::is_same_v<M, RangeBearing>) {
+    if ((z.elevation || z.sigma_elevation) && is_in_space()) {
+      validate_in_space(z);
+      return;
+    }
+  }
+  start.on(z);
+}
+
+template <class M>
+Outcome RecoveringEkf::correct(const M& z) {
+  Outcome outcome{Verdict::kIgnored};
+  if (tracker_) {
+    outcome = fuse(z);
+    newest_ = std::max(newest_, z.stamp);
+    record(z, outcome);
+    listen();
+  }
+  if (outcome.verdict != Verdict::kStale && search([&](Initializer& start) { give(start, z); })) {
+    decide();
+  }
+  return outcome;
+}
+
+std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& sightings,
+                                             Association association) {
+  internal::validate_together("sightings of one instant", sightings, [this](const RangeBearing& z) {
+    is_in_space() ? validate_in_space(z) : validate(z);
+  });
+  std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kIgnored});
+  if (tracker_) {
+    outcomes = of(*tracker_, [&](auto& ekf) {
+      using Ekf = std::decay_t<decltype(ekf)>;
+      if constexpr (std::is_same_v<Ekf, TagTriangleEkf>) {
+        return outcomes;  // it has no landmarks
+      } else if constexpr (std::is_same_v<Ekf, AirEkf>) {
+        std::transform(sightings.begin(), sightings.end(), outcomes.begin(),
+                       [&](const RangeBearing& z) { return track(z); });
+        return outcomes;
+      } else {
+        return ekf.on_joint(sightings, association);
+      }
+    });
+    for (std::size_t i = 0; i < sightings.size(); ++i) {
+      newest_ = std::max(newest_, sightings[i].stamp);
+      record(sightings[i], outcomes[i]);
+    }
+    listen();
+  }
+  const bool searches = search([&](Initializer& start) {
+    Initializer fed = start;
+    for (std::size_t i = 0; i < sightings.size(); ++i) {
+      if (outcomes[i].verdict != Verdict::kStale) {
+        give(fed, sightings[i]);
+      }
+    }
+    start = std::move(fed);
+  });
+  if (searches) {
+    decide();
+  }
+  return outcomes;
+}
+
+/// Whether there is a search, and it took what it is given. What it cannot use is fused already
+/// where a filter tracks: then another search begins, and the message is good.
+template <class Feed>
+bool RecoveringEkf::search(const Feed& feed) {
+  if (!start_) {
+    return false;
+  }
+  try {
+    feed(*start_);
+    return true;
+  } catch (const std::exception&) {
+    if (!tracker_) {
+      throw;
+    }
+    start_ = fresh();
+    return false;
+  }
+}
+
+template <class M>
+void RecoveringEkf::record(const M& z, const Outcome& outcome) {
+  if (outcome.verdict == Verdict::kFused && outcome.dof == 0) {
+    return;  // a landmark that is new says nothing of the pose
+  }
+  health_.record(named_source_of(z), z.stamp, outcome, outcome.dof > 0 ? outcome.limit : 1.0,
+                 health_.outlier_volume(z));
+}
+
+/// Lost, another start begins; found again without it, it ends.
+void RecoveringEkf::listen() {
+  const bool was_lost = std::exchange(was_lost_, health_.is_lost());
+  if (was_lost_ && !was_lost) {
+    ++alarms_;
+    const auto* air = std::get_if<AirEkf>(&*tracker_);
+    if (recipe_->restarts) {
+      start_ = fresh();
+    } else if (air != nullptr && recipe_->config.restart) {
+      const double wrong = health_.wrong();
+      if (!places_) {
+        places_.emplace(recipe_->places(), *air);
+      }
+      places_->add(air->anywhere(recipe_->config.health.wrong_span_m), wrong / (1.0 - wrong));
+    }
+  } else if (!was_lost_) {
+    start_.reset();
+  }
+}
+
+/// Of a place that no filter can start from the search has nothing: another one begins.
+void RecoveringEkf::decide() {
+  Initializer::State now = start_->state();
+  if (now.status != StartStatus::kReady && tracker_ && !control_ && !recipe_->config.tracker) {
+    now = start_->place();  // a heading that nothing measures is not waited for
+  }
+  if (now.status != StartStatus::kReady) {
+    return;
+  }
+  try {
+    Tracker found = tracker_at(now.hypotheses.front().estimate, *start_);
+    restarts_ += tracker_ ? 1 : 0;
+    start_with(std::move(found));
+    health_.start(belief().stamp, 1.0 - recipe_->config.start.probability_ready);
+  } catch (const std::exception&) {
+    start_ = fresh();
+  }
+}
+
+void RecoveringEkf::start_with(Tracker tracker) {
+  tracker_ = std::move(tracker);
+  places_.reset();
+  newest_ = belief().stamp;
+  health_.start(newest_);
+  start_.reset();
+  was_lost_ = false;
+}
+
+Initializer::State RecoveringEkf::state() const {
+  if (start_) {
+    return start_->state();
+  }
+  return {StartStatus::kReady, {}, {{estimate(), 1.0}}};
+}
+
+HealthReport RecoveringEkf::health() const {
+  if (tracker_) {
+    HealthReport report = health_.report(believed());
+    if (places_ && places_->is_ambiguous() && report.state != HealthState::kLost) {
+      report.state = HealthState::kAmbiguous;
+      report.reason = HealthReason::kSeveralPlaces;
+    }
+    return report;
+  }
+  HealthReport report;
+  if (start_->state().status == StartStatus::kAmbiguous) {
+    report.state = HealthState::kAmbiguous;
+    report.reason = HealthReason::kSeveralPlaces;
+  }
+  return report;
+}
+
+}  // namespace locfuse
