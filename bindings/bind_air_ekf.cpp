@@ -122,10 +122,8 @@ The body stays level. The motion is odometry with a climb rate, or an estimated 
 Parameters
 ----------
 config : AirEkfConfig
-anchors : AnchorMap
-tags : list of Tag
+world : World
 start : AirEstimate
-landmarks : LandmarkSensor, optional
 
 Raises
 ------
@@ -138,7 +136,7 @@ Examples
 >>> from locfuse import *
 >>> anchors = AnchorMap([Anchor(1, [0, 0, 2]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 3])])
 >>> start = AirEstimate(0, Pose2(3, 2, 0), 1.0, np.diag([0.5, 0.5, 0.1, 0.5]) ** 2)
->>> ekf = AirEkf(AirEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
+>>> ekf = AirEkf(AirEkfConfig(), World(anchors, [Tag(0, [0, 0, 0])]), start)
 >>> ekf.on(Velocity(0, 0.5, 0.0), climb_rate=0.2).verdict.name
 'FUSED'
 >>> ekf.on(Range(1_000_000_000, tag=0, anchor=1, range=4.1)).verdict.name
@@ -146,14 +144,8 @@ Examples
 >>> ekf.on(Altitude(1_000_000_000, height=1.2, sigma=0.1)).verdict.name
 'FUSED'
 )")
-      .def(py::init([](const AirEkf::Config& config, std::shared_ptr<locfuse::AnchorMap> anchors,
-                       std::vector<locfuse::Tag> tags, const AirEstimate& start,
-                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
-             return AirEkf(config, std::move(anchors), std::move(tags), start,
-                           landmarks.value_or(locfuse::LandmarkSensor{}));
-           }),
-           py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"),
-           py::arg("landmarks") = py::none())
+      .def(py::init<const AirEkf::Config&, const locfuse::World&, const AirEstimate&>(),
+           py::arg("config"), py::arg("world"), py::arg("start"))
       .def("on", py::overload_cast<const locfuse::Velocity&, double>(&AirEkf::on),
            py::arg("message"), py::arg("climb_rate") = 0.0)
       .def("on", py::overload_cast<const locfuse::Increment&, double>(&AirEkf::on),

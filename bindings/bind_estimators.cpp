@@ -3,6 +3,8 @@
 
 #include "bindings.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/frontends/scan_matcher.hpp"
+#include "locfuse/maps/occupancy_grid.hpp"
 #include "numpy.hpp"
 
 namespace py = pybind11;
@@ -15,6 +17,7 @@ using locfuse::PoseEstimate;
 using locfuse::Range;
 using locfuse::Stamp;
 using locfuse::Tag;
+using locfuse::World;
 
 namespace {
 
@@ -36,6 +39,59 @@ std::vector<Outcome> on_epoch(PoseEkf& ekf, Stamp begin, Stamp stamp, const Pose
     outcomes.push_back(ekf.on(z));
   }
   return outcomes;
+}
+
+template <class Map>
+using Optional = std::optional<std::shared_ptr<Map>>;
+
+void bind_world(py::module_& m) {
+  py::class_<World>(m, "World", R"(What does not change while a robot drives.
+
+The second argument of every estimator, which takes of it what it can use.
+
+Parameters
+----------
+anchors : AnchorMap, optional
+    To which ranges are measured.
+tags : list of Tag, optional
+    On the body.
+landmarks : LandmarkSensor, optional
+    Known landmarks, and the sensor that observes them.
+grid : OccupancyGrid, optional
+    Map of walls, of an Mcl.
+matcher : ScanMatcher, optional
+    Of scans on a map: gives the heading while a start is searched.
+
+Examples
+--------
+>>> from locfuse import *
+>>> world = World(AnchorMap([Anchor(1, [0, 0, 2])]), [Tag(0, [0, 0, 1.1])])
+>>> ekf = RecoveringEkf(RecoveringEkfConfig(), world)
+)")
+      .def(py::init([](const Optional<AnchorMap>& anchors, std::vector<Tag> tags,
+                       const std::optional<locfuse::LandmarkSensor>& landmarks,
+                       const Optional<locfuse::OccupancyGrid>& grid,
+                       const Optional<locfuse::ScanMatcher>& matcher) {
+             return World{anchors.value_or(nullptr), std::move(tags),
+                          landmarks.value_or(locfuse::LandmarkSensor{}), grid.value_or(nullptr),
+                          matcher.value_or(nullptr)};
+           }),
+           py::arg("anchors") = py::none(), py::arg("tags") = std::vector<Tag>{},
+           py::arg("landmarks") = py::none(), py::arg("grid") = py::none(),
+           py::arg("matcher") = py::none())
+      .def_readonly("tags", &World::tags)
+      .def("__repr__", [](const World& world) {
+        std::string has;
+        const auto add = [&has](bool is_there, const char* what) {
+          has += is_there ? (has.empty() ? "" : ", ") + std::string(what) : std::string();
+        };
+        add(world.anchors != nullptr, "anchors");
+        add(!world.tags.empty(), "tags");
+        add(world.landmarks.map != nullptr, "landmarks");
+        add(world.grid != nullptr, "grid");
+        add(world.matcher != nullptr, "matcher");
+        return "World(" + has + ")";
+      });
 }
 
 }  // namespace
@@ -160,11 +216,12 @@ void bind_estimators(py::module_& m) {
   py::class_<locfuse::LandmarkSensor>(
       m, "LandmarkSensor",
       "Known landmarks and the pose T_body_sensor of the sensor that observes them.")
-      .def(py::init([](std::shared_ptr<locfuse::LandmarkMap> map, const Pose2& T_body_sensor) {
-             return locfuse::LandmarkSensor{std::move(map), T_body_sensor};
+      .def(py::init([](const Optional<locfuse::LandmarkMap>& map, const Pose2& T_body_sensor) {
+             return locfuse::LandmarkSensor{map.value_or(nullptr), T_body_sensor};
            }),
-           py::arg("map"), py::arg("T_body_sensor") = Pose2{})
+           py::arg("map") = py::none(), py::arg("T_body_sensor") = Pose2{})
       .def_readonly("T_body_sensor", &locfuse::LandmarkSensor::T_body_sensor);
+  bind_world(m);
   py::native_enum<locfuse::Association>(m, "Association", "enum.Enum",
                                         "Data association of landmark observations without an id.")
       .value("NEAREST", locfuse::Association::kNearest,
@@ -181,10 +238,8 @@ Odometry predicts; ranges, positions, poses and landmarks update (ekim2020, sect
 Parameters
 ----------
 config : PoseEkfConfig
-anchors : AnchorMap
-tags : list of Tag
+world : World
 start : PoseEstimate
-landmarks : LandmarkSensor, optional
 
 Raises
 ------
@@ -197,20 +252,14 @@ Examples
 >>> from locfuse import *
 >>> anchors = AnchorMap([Anchor(1, [0, 0, 2]), Anchor(2, [8, 0, 2]), Anchor(3, [4, 6, 2])])
 >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.5, 0.5, 0.1]) ** 2)
->>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 1.1])], start)
+>>> ekf = PoseEkf(PoseEkfConfig(), World(anchors, [Tag(0, [0, 0, 1.1])]), start)
 >>> ekf.on(Increment(0, 100_000_000, Pose2(0.05, 0, 0))).verdict.name
 'FUSED'
 >>> ekf.on(Range(100_000_000, tag=0, anchor=2, range=5.4)).verdict.name
 'FUSED'
 )")
-      .def(py::init([](const Config& config, std::shared_ptr<AnchorMap> anchors,
-                       std::vector<Tag> tags, const PoseEstimate& start,
-                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
-             return PoseEkf(config, std::move(anchors), std::move(tags), start,
-                            landmarks.value_or(locfuse::LandmarkSensor{}));
-           }),
-           py::arg("config"), py::arg("anchors"), py::arg("tags"), py::arg("start"),
-           py::arg("landmarks") = py::none())
+      .def(py::init<const Config&, const World&, const PoseEstimate&>(), py::arg("config"),
+           py::arg("world"), py::arg("start"))
       .def("on", py::overload_cast<const locfuse::Velocity&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&PoseEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const Range&>(&PoseEkf::on), py::arg("message"))

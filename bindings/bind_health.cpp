@@ -146,7 +146,7 @@ Examples
 >>> from locfuse.core import *
 >>> anchors = AnchorMap([Anchor(1, [0, 0, 0]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 0])])
 >>> start = PoseEstimate(0, Pose2(3, 2, 0), 0.01 * np.eye(3))
->>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
+>>> ekf = PoseEkf(PoseEkfConfig(), World(anchors, [Tag(0, [0, 0, 0])]), start)
 >>> health = Health(HealthConfig())
 >>> gate = Gate(PoseEkfConfig().gate_range)
 >>> for k in range(30):  # ranges that contradict the pose

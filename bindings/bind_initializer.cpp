@@ -35,6 +35,10 @@ void bind_initializer(py::module_& m) {
   py::class_<Config>(m, "InitializerConfig",
                      "Settings of an Initializer: readiness thresholds and outlier model.")
       .def(py::init<>())
+      .def_readwrite("estimator", &Config::estimator,
+                     "PoseEkfConfig of the hypotheses, and of the filter to continue with.")
+      .def_readwrite("tag_conditioner", &Config::tag_conditioner,
+                     "TagConditionerConfig of the fixes of tags before they are used, or None.")
       .def_readwrite("method", &Config::method)
       .def_readwrite("epoch_s", &Config::epoch_s)
       .def_readwrite("headings", &Config::headings)
@@ -57,14 +61,8 @@ likelihood of the messages that follow (docs/start.md; ekim2020, section 2.2).
 Parameters
 ----------
 config : InitializerConfig
-estimator : PoseEkfConfig
-anchors : AnchorMap
-tags : list of Tag
-matcher : ScanMatcher, optional
-    Obtains the heading from scans on the map; without it, the heading follows from motion.
-landmarks : LandmarkSensor, optional
-tag_conditioner : TagConditionerConfig, optional
-    Conditions the fixes of tags before they are used.
+world : World
+    Without a matcher the heading follows from motion.
 
 Raises
 ------
@@ -75,22 +73,11 @@ Examples
 --------
 >>> from locfuse import *
 >>> anchors = AnchorMap([Anchor(1, [0, 0, 1]), Anchor(2, [8, 0, 1]), Anchor(3, [4, 6, 1])])
->>> start = Initializer(InitializerConfig(), PoseEkfConfig(), anchors, [Tag(0, [0, 0, 1])])
+>>> start = Initializer(InitializerConfig(), World(anchors, [Tag(0, [0, 0, 1])]))
 >>> start.state().status.name
 'WAITING'
 )")
-      .def(py::init([](const Config& config, const locfuse::PoseEkf::Config& estimator,
-                       std::shared_ptr<locfuse::AnchorMap> anchors, std::vector<locfuse::Tag> tags,
-                       const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher,
-                       const std::optional<locfuse::LandmarkSensor>& landmarks,
-                       const std::optional<locfuse::TagConditioner::Config>& tag_conditioner) {
-             return Initializer(config, estimator, std::move(anchors), std::move(tags),
-                                matcher.value_or(nullptr),
-                                landmarks.value_or(locfuse::LandmarkSensor{}), tag_conditioner);
-           }),
-           py::arg("config"), py::arg("estimator"), py::arg("anchors"), py::arg("tags"),
-           py::arg("matcher") = py::none(), py::arg("landmarks") = py::none(),
-           py::arg("tag_conditioner") = py::none())
+      .def(py::init<const Config&, const locfuse::World&>(), py::arg("config"), py::arg("world"))
       .def("on", py::overload_cast<const locfuse::Velocity&>(&Initializer::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&Initializer::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Range&>(&Initializer::on), py::arg("message"))

@@ -55,7 +55,8 @@ void bind_landmark_ekf(py::module_& m) {
       .def_readwrite("hold_s", &Config::hold_s,
                      "Timeout of odometry [s]: how long the last motion is extrapolated.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)
-      .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s);
+      .def_readwrite("sigma_lost_heading_per_sqrt_s", &Config::sigma_lost_heading_per_sqrt_s)
+      .def_readwrite("known", &Config::known, "List of KnownLandmark that it begins with.");
   py::class_<LandmarkEkf>(m, "LandmarkEkf",
                           R"(Extended Kalman filter over the pose and the observed landmarks (SLAM).
 
@@ -64,10 +65,9 @@ An observation that matches no landmark adds a new one to the state.
 Parameters
 ----------
 config : LandmarkEkfConfig
+world : World
+    Of which it takes where the landmark sensor sits.
 start : PoseEstimate
-T_body_sensor : Pose2, optional
-    T_body_sensor of the landmark sensor.
-known : list of KnownLandmark, optional
 
 Raises
 ------
@@ -80,17 +80,15 @@ Examples
 >>> import numpy as np
 >>> from locfuse import *
 >>> start = PoseEstimate(0, Pose2(0, 0, 0), np.diag([0.01, 0.01, 0.01]) ** 2)
->>> ekf = LandmarkEkf(LandmarkEkfConfig(), start)
+>>> ekf = LandmarkEkf(LandmarkEkfConfig(), World(), start)
 >>> ekf.on(RangeBearing(0, landmark=7, range=2.0, bearing=0.0)).verdict.name
 'FUSED'
 >>> tree = ekf.landmarks()[0]
 >>> tree.id, tree.position.round(3).tolist()
 (7, [2.0, 0.0])
 )")
-      .def(py::init<const Config&, const locfuse::PoseEstimate&, const locfuse::Pose2&,
-                    const std::vector<KnownLandmark>&>(),
-           py::arg("config"), py::arg("start"), py::arg("T_body_sensor") = locfuse::Pose2{},
-           py::arg("known") = std::vector<KnownLandmark>{})
+      .def(py::init<const Config&, const locfuse::World&, const locfuse::PoseEstimate&>(),
+           py::arg("config"), py::arg("world"), py::arg("start"))
       .def("on", py::overload_cast<const locfuse::Velocity&>(&LandmarkEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Increment&>(&LandmarkEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::PositionFix&>(&LandmarkEkf::on),

@@ -79,7 +79,7 @@ Examples
 >>> from locfuse.core import *
 >>> cells = np.zeros((40, 40), dtype=np.int8)
 >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
->>> live = LiveMcl(Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05)))
+>>> live = LiveMcl(Mcl(MclConfig(), World(grid=OccupancyGrid(cells, resolution=0.05))))
 >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
 >>> live.on(Velocity(0, 0.0, 0.0)), live.on(LaserScan(5 * 10**7, around, [0.9, 0.9, 0.9, 0.9]))
 ([], [])
@@ -185,7 +185,7 @@ Examples
 --------
 >>> import numpy as np
 >>> from locfuse import *
->>> live = Live(RecoveringEkf(RecoveringEkfConfig()))
+>>> live = Live(RecoveringEkf(RecoveringEkfConfig(), World()))
 >>> live.start_at(PoseEstimate(0, Pose2(1, 2, 0), 0.01 * np.eye(3)))
 >>> live.on(PositionFix(0, [1.05, 2.0], 0.01 * np.eye(2))).verdict.name
 'FUSED'

@@ -103,26 +103,23 @@ landmarks can weight them, too (docs/models/mcl.md). Initially they cover all fr
 Parameters
 ----------
 config : MclConfig
-grid : OccupancyGrid
+world : World
+    With a grid.
 start : int
     Stamp [ns].
-anchors : AnchorMap, optional
-tags : list of Tag, optional
-    For ranges.
-landmarks : LandmarkSensor, optional
 
 Raises
 ------
 ValueError
-    If the config is out of range or the map has no free or no occupied cell.
+    If the config is out of range, or the grid is missing or has no free or no occupied cell.
 
 Examples
 --------
 >>> import numpy as np
->>> from locfuse import LaserGeometry, LaserScan, Mcl, MclConfig, OccupancyGrid, Pose2
+>>> from locfuse import LaserGeometry, LaserScan, Mcl, MclConfig, OccupancyGrid, Pose2, World
 >>> cells = np.full((60, 80), 0, dtype=np.int8)  # a room of 4 x 3 m with a box in a corner
 >>> cells[[0, -1], :] = cells[:, [0, -1]] = cells[:20, :30] = 100
->>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))
+>>> mcl = Mcl(MclConfig(), World(grid=OccupancyGrid(cells, resolution=0.05)))
 >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
 >>> mcl.on(LaserScan(0, around, [0.9, 0.9, 2.9, 0.9])).verdict.name
 'FUSED'
@@ -131,19 +128,8 @@ False
 )");
   bind_state(bound, [](const Mcl& mcl) -> const Mcl& { return mcl; });
   bound
-      .def(py::init([](const Config& config, std::shared_ptr<locfuse::OccupancyGrid> grid,
-                       locfuse::Stamp start,
-                       const std::optional<std::shared_ptr<locfuse::AnchorMap>>& anchors,
-                       std::vector<locfuse::Tag> tags,
-                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
-             const py::gil_scoped_release unlocked;
-             return std::make_unique<Mcl>(config, std::move(grid), start, anchors.value_or(nullptr),
-                                          std::move(tags),
-                                          landmarks.value_or(locfuse::LandmarkSensor{}));
-           }),
-           py::arg("config"), py::arg("grid"), py::arg("start") = 0,
-           py::arg("anchors") = py::none(), py::arg("tags") = std::vector<locfuse::Tag>{},
-           py::arg("landmarks") = py::none())
+      .def(py::init<const Config&, const locfuse::World&, locfuse::Stamp>(), py::arg("config"),
+           py::arg("world"), py::arg("start") = 0, py::call_guard<py::gil_scoped_release>())
       .def("start_anywhere", &Mcl::start_anywhere, py::arg("stamp"),
            "Reinitializes the particles uniformly over free space.")
       .def("start_at", &Mcl::start_at, py::arg("hypotheses"),

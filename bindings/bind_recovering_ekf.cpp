@@ -11,20 +11,15 @@ void bind_recovering_ekf(py::module_& m) {
   py::class_<Config>(m, "RecoveringEkfConfig",
                      "Filter, initialization and health of a RecoveringEkf.")
       .def(py::init<>())
-      .def_readwrite("estimator", &Config::estimator,
-                     "PoseEkfConfig of the hypotheses of a start, and of the filter.")
+      .def_readwrite("start", &Config::start,
+                     "InitializerConfig of the search, with the PoseEkfConfig of the filter.")
       .def_readwrite(
           "tracker", &Config::tracker,
           "LandmarkEkfConfig, TagTriangleEkfConfig or AirEkfConfig of another filter, or "
           "None.")
       .def_readwrite("start_height", &Config::start_height, "Height at which an AirEkf begins [m].")
       .def_readwrite("sigma_start_height", &Config::sigma_start_height, "Its sigma [m].")
-      .def_readwrite("known", &Config::known,
-                     "List of KnownLandmark that a LandmarkEkf begins with.")
-      .def_readwrite("start", &Config::start)
       .def_readwrite("health", &Config::health)
-      .def_readwrite("tag_conditioner", &Config::tag_conditioner,
-                     "TagConditionerConfig of the fixes of tags before they are fused, or None.")
       .def_readwrite("restart", &Config::restart, "Whether to relocalize while lost.");
   py::class_<RecoveringEkf>(
       m, "RecoveringEkf",
@@ -37,11 +32,8 @@ start hypotheses until a single one remains.
 Parameters
 ----------
 config : RecoveringEkfConfig
-anchors : AnchorMap, optional
-tags : list of Tag, optional
-matcher : ScanMatcher, optional
-    Obtains the heading from scans on the map while lost.
-landmarks : LandmarkSensor, optional
+world : World
+    With a matcher, scans give the heading during a search.
 
 Raises
 ------
@@ -52,7 +44,7 @@ Examples
 --------
 >>> from locfuse import *
 >>> posts = LandmarkMap([Landmark(0, [3, 0]), Landmark(1, [0, 4]), Landmark(2, [-2, 1])])
->>> ekf = RecoveringEkf(RecoveringEkfConfig(), landmarks=LandmarkSensor(posts))
+>>> ekf = RecoveringEkf(RecoveringEkfConfig(), World(landmarks=LandmarkSensor(posts)))
 >>> ekf.is_lost
 True
 >>> _ = ekf.on_joint([RangeBearing(0, None, 3.0, 0.0), RangeBearing(0, None, 4.0, 1.5708),
@@ -60,19 +52,7 @@ True
 >>> ekf.is_lost, abs(round(ekf.state().hypotheses[0].estimate.pose.x, 2))
 (False, 0.0)
 )")
-      .def(py::init([](const Config& config,
-                       const std::optional<std::shared_ptr<locfuse::AnchorMap>>& anchors,
-                       std::vector<locfuse::Tag> tags,
-                       const std::optional<std::shared_ptr<locfuse::ScanMatcher>>& matcher,
-                       const std::optional<locfuse::LandmarkSensor>& landmarks) {
-             return RecoveringEkf(config,
-                                  anchors ? *anchors : std::make_shared<locfuse::AnchorMap>(),
-                                  std::move(tags), matcher.value_or(nullptr),
-                                  landmarks.value_or(locfuse::LandmarkSensor{}));
-           }),
-           py::arg("config"), py::arg("anchors") = py::none(),
-           py::arg("tags") = std::vector<locfuse::Tag>{}, py::arg("matcher") = py::none(),
-           py::arg("landmarks") = py::none())
+      .def(py::init<const Config&, const locfuse::World&>(), py::arg("config"), py::arg("world"))
       .def("start_at", &RecoveringEkf::start_at, py::arg("start"),
            "Tracks from a PoseEstimate.\n\nRaises\n------\nValueError\n    As a PoseEkf does.")
       .def(

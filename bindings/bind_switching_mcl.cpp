@@ -78,8 +78,9 @@ Examples
 >>> from locfuse import *
 >>> cells = np.full((60, 80), 0, dtype=np.int8)
 >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
->>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))  # anywhere in a room of 4 x 3 m
->>> uwb = RecoveringEkf(RecoveringEkfConfig())
+>>> grid = OccupancyGrid(cells, resolution=0.05)  # a room of 4 x 3 m
+>>> mcl = Mcl(MclConfig(), World(grid=grid))  # anywhere in it
+>>> uwb = RecoveringEkf(RecoveringEkfConfig(), World())
 >>> uwb.start_at(PoseEstimate(0, Pose2(1.0, 1.0, 0.0), np.diag([0.1, 0.1, 0.1]) ** 2))
 >>> switching = SwitchingMcl(SwitchingMclConfig(), mcl, uwb)
 >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)

@@ -312,12 +312,10 @@ odometry, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots ar
 Parameters
 ----------
 config : TagTriangleEkfConfig
-tags : list of Tag
-    Three, not collinear.
+world : World
+    With three tags, not collinear.
 start : PoseEstimate or list of PositionFix
     A pose, or one fix per tag with the same stamp.
-anchors : AnchorMap, optional
-    For ranges.
 
 Raises
 ------
@@ -331,24 +329,16 @@ Examples
 >>> from locfuse.core import *
 >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
 >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
->>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)
+>>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), World(tags=tags), start)
 >>> ekf.on(Velocity(100_000_000, 0.3, 0.0)).verdict.name
 'FUSED'
 >>> ekf.on(PositionFix(1_000_000_000, [3.9, 2.0], 0.04 * np.eye(2), tag=1)).verdict.name
 'FUSED'
 )")
-      .def(py::init([](const Config& config, const std::vector<Tag>& tags,
-                       const locfuse::PoseEstimate& start,
-                       const std::optional<std::shared_ptr<AnchorMap>>& anchors) {
-             return TagTriangleEkf(config, tags, start, anchors.value_or(nullptr));
-           }),
-           py::arg("config"), py::arg("tags"), py::arg("start"), py::arg("anchors") = py::none())
-      .def(py::init([](const Config& config, const std::vector<Tag>& tags,
-                       const std::vector<PositionFix>& start,
-                       const std::optional<std::shared_ptr<AnchorMap>>& anchors) {
-             return TagTriangleEkf(config, tags, start, anchors.value_or(nullptr));
-           }),
-           py::arg("config"), py::arg("tags"), py::arg("start"), py::arg("anchors") = py::none())
+      .def(py::init<const Config&, const locfuse::World&, const locfuse::PoseEstimate&>(),
+           py::arg("config"), py::arg("world"), py::arg("start"))
+      .def(py::init<const Config&, const locfuse::World&, const std::vector<PositionFix>&>(),
+           py::arg("config"), py::arg("world"), py::arg("start"))
       .def("on", py::overload_cast<const PositionFix&>(&TagTriangleEkf::on), py::arg("message"))
       .def("on", py::overload_cast<const locfuse::Velocity&>(&TagTriangleEkf::on),
            py::arg("message"))

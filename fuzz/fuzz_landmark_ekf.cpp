@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "checks.hpp"
 #include "settings.hpp"
+#include "support/robot.hpp"
 
 /// LandmarkEkf with arbitrary settings and messages and two known landmarks, one of them exact.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -9,12 +10,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   LandmarkEkf::Config config;
   fuzz::read_if_unusual(io, config);
   config.max_landmarks = 20;  // more rows than fixed-size matrices hold
+  config.known = {{0, {4.0, 3.0}, {}},
+                  {1, {-5.0, 6.0}, Matrix<2, 2>(0.01 * Matrix<2, 2>::Identity())}};
   std::optional<LandmarkEkf> made;
   if (!fuzz::returns([&] {
-        made.emplace(config, fuzz::read_start(io), Pose2{0.2, 0.0, 0.1},
-                     std::vector<KnownLandmark>{
-                         {0, {4.0, 3.0}, {}},
-                         {1, {-5.0, 6.0}, Matrix<2, 2>(0.01 * Matrix<2, 2>::Identity())}});
+        made.emplace(config, testing::sensor_at({0.2, 0.0, 0.1}), fuzz::read_start(io));
       })) {
     return 0;
   }

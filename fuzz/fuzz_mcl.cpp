@@ -10,8 +10,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::read_if_unusual(io, config);
   std::optional<Mcl> mcl;
   if (!fuzz::returns([&] {
-        mcl.emplace(config, fuzz::small_room(), 0, testing::hall(), testing::one_tag(),
-                    LandmarkSensor{fuzz::poles(), {0.2, 0.0, 0.1}});
+        mcl.emplace(config,
+                    World{testing::hall(),
+                          testing::one_tag(),
+                          {fuzz::poles(), {0.2, 0.0, 0.1}},
+                          fuzz::small_room()},
+                    0);
       })) {
     return 0;
   }

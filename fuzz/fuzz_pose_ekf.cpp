@@ -12,8 +12,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const PoseEstimate start = fuzz::read_start(io);
   std::optional<PoseEkf> made;
   if (!fuzz::returns([&] {
-        made.emplace(config, testing::hall(), testing::one_tag(), start,
-                     LandmarkSensor{fuzz::poles(), {0.2, 0.0, 0.1}});
+        made.emplace(config,
+                     World{testing::hall(), testing::one_tag(), {fuzz::poles(), {0.2, 0.0, 0.1}}},
+                     start);
       })) {
     return 0;
   }

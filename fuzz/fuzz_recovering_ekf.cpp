@@ -116,16 +116,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::Reader io(data, size);
   RecoveringEkf::Config config;
   config.start.headings = 12;
-  fuzz::read_if_unusual(io, config.estimator);
+  fuzz::read_if_unusual(io, config.start.estimator);
   std::uint8_t world = 0;
   code(io, world, 8);
   const bool live = world % 2 == 1;
   code(io, config.restart);
   code(io, config.health);
-  code(io, config.estimator);
+  code(io, config.start.estimator);
   fuzz::returns([&] {
-    RecoveringEkf robot(config, anchors_of(world / 2), testing::one_tag(), matcher,
-                        LandmarkSensor{fuzz::poles(), {0.2, 0.0, 0.1}});
+    RecoveringEkf robot(
+        config,
+        {anchors_of(world / 2), testing::one_tag(), {fuzz::poles(), {0.2, 0.0, 0.1}}, {}, matcher});
     if (live) {
       Live::Options options;
       Stamp zero = 0;

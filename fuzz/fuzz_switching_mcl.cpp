@@ -6,9 +6,9 @@
 /// SwitchingMcl with arbitrary messages.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
-  static const Mcl particles(fuzz::few_particles(), fuzz::small_room(), 0, nullptr, {},
-                             LandmarkSensor{fuzz::poles(), Pose2{}});
-  static const RecoveringEkf uwb({}, testing::hall(), testing::one_tag(), nullptr);
+  static const Mcl particles(fuzz::few_particles(),
+                             {{}, {}, {fuzz::poles(), {}}, fuzz::small_room()}, 0);
+  static const RecoveringEkf uwb({}, {testing::hall(), testing::one_tag()});
   fuzz::Reader io(data, size);
   SwitchingMcl::Config config;
   bool as_usual = true;

@@ -38,7 +38,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   code(io, config.heading_is_known);
   std::optional<TagTriangleEkf> made;
   if (!fuzz::returns([&] {
-        made.emplace(config, testing::triangle(), fuzz::read_start(io), testing::hall());
+        made.emplace(config, World{testing::hall(), testing::triangle()}, fuzz::read_start(io));
       })) {
     return 0;
   }

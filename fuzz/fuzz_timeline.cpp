@@ -8,8 +8,8 @@
 /// after the sorted messages, except those rejected, older than the history or far ahead.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace locfuse;
-  const PoseEkf fresh({}, testing::hall(), testing::one_tag(), fuzz::start(),
-                      {fuzz::poles(), Pose2{}});
+  const PoseEkf fresh({}, {testing::hall(), testing::one_tag(), {fuzz::poles(), {}}},
+                      fuzz::start());
   fuzz::Reader io(data, size);
   Stamp now = 0;
   Stamp history = 0;

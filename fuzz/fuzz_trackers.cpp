@@ -16,8 +16,8 @@ RecoveringEkf fresh_of(int kind) {
   if (kind == 0) {
     LandmarkEkf::Config mapping;
     mapping.max_landmarks = 8;
+    mapping.known = {{0, {4.0, 3.0}, {}}, {1, {-5.0, 6.0}, 0.01 * Matrix<2, 2>::Identity()}};
     config.tracker = mapping;
-    config.known = {{0, {4.0, 3.0}, {}}, {1, {-5.0, 6.0}, 0.01 * Matrix<2, 2>::Identity()}};
   } else if (kind == 1) {
     TagTriangleEkf::Config triangle;
     triangle.holds_sides = true;
@@ -28,8 +28,9 @@ RecoveringEkf fresh_of(int kind) {
     air.motion = kind == 2 ? AirMotion::kOdometry : AirMotion::kConstantVelocity;
     config.tracker = air;
   }
-  RecoveringEkf robot(config, testing::hall(), kind == 1 ? testing::triangle() : testing::one_tag(),
-                      nullptr, {fuzz::poles(), {0.2, 0.0, 0.1}});
+  RecoveringEkf robot(config, {testing::hall(),
+                               kind == 1 ? testing::triangle() : testing::one_tag(),
+                               {fuzz::poles(), {0.2, 0.0, 0.1}}});
   robot.start_at(fuzz::start());
   return robot;
 }

@@ -156,8 +156,9 @@ void joint_8_of_50(benchmark::State& state) {
   for (int k = 0; k < 50; ++k) {
     known.push_back({k, place(k), 0.01 * Eigen::Matrix2d::Identity()});
   }
-  const LandmarkEkf start(LandmarkEkf::Config{}, {0, {}, 0.01 * Eigen::Matrix3d::Identity()}, {},
-                          known);
+  LandmarkEkf::Config config;
+  config.known = known;
+  const LandmarkEkf start(config, {}, {0, {}, 0.01 * Eigen::Matrix3d::Identity()});
   std::vector<RangeBearing> sightings;
   for (int k = 0; k < 8; ++k) {
     sightings.push_back(sight({0.05, 0.05, 0.02}, place(5 * k)));
@@ -264,14 +265,13 @@ void drive_on_known_map(benchmark::State& state, const Filter& start) {
 }
 
 void known_map_pose_ekf(benchmark::State& state) {
-  drive_on_known_map(state, PoseEkf(PoseEkf::Config{}, std::make_shared<locfuse::AnchorMap>(), {},
-                                    kStart, known_map(3)));
+  drive_on_known_map(state, PoseEkf(PoseEkf::Config{}, {{}, {}, known_map(3)}, kStart));
 }
 BENCHMARK(known_map_pose_ekf)->Unit(benchmark::kMicrosecond);
 
 /// The same with detection of kidnapping.
 void known_map_recovering_ekf(benchmark::State& state) {
-  locfuse::RecoveringEkf ekf({}, std::make_shared<locfuse::AnchorMap>(), {}, nullptr, known_map(3));
+  locfuse::RecoveringEkf ekf({}, {{}, {}, known_map(3)});
   ekf.start_at(kStart);
   drive_on_known_map(state, ekf);
   if (ekf.alarms() != 0 || ekf.is_lost()) {

@@ -39,7 +39,7 @@ Mcl::Config settings(int particles, int beams, int threads) {
 Mcl started(int particles, int beams, int threads, Mcl::Proposal proposal) {
   Mcl::Config config = settings(particles, beams, threads);
   config.proposal = proposal;
-  Mcl mcl(config, room().map, 0);
+  Mcl mcl(config, locfuse::testing::on_map(room().map), 0);
   const locfuse::Vector<3> sigma(0.1, 0.1, 0.05);
   mcl.start_at({{{0, room().truth[0], sigma.cwiseAbs2().asDiagonal()}, 1.0}});
   return mcl;
@@ -100,7 +100,7 @@ void live_step(benchmark::State& state) {
 void snapshot(benchmark::State& state) {
   const Mcl mcl = state.range(0) > 0
                       ? started(static_cast<int>(state.range(0)), 60, 1, Mcl::Proposal::kOdometry)
-                      : Mcl(settings(5000, 60, 1), room().map, 0);
+                      : Mcl(settings(5000, 60, 1), locfuse::testing::on_map(room().map), 0);
   for (auto _ : state) {
     Mcl copy = mcl;
     benchmark::DoNotOptimize(copy);

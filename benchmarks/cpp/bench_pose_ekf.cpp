@@ -151,7 +151,7 @@ std::size_t run_messages(const Circle& in, Ekf& ekf, const PoseEkf& started,
 
 /// The public call: checks, time, anchor look-up, gate, outcome; the belief is restored if gated.
 std::size_t run_pose_ekf(const Circle& in, std::vector<double>& out) {
-  static const PoseEkf fresh(ekf_config(), anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  static const PoseEkf fresh(ekf_config(), {anchor_map(), {{0, {0, 0, 0}}}}, start_estimate(in));
   PoseEkf ekf = fresh;
   return run_messages(in, ekf, ekf, out);
 }
@@ -161,7 +161,7 @@ std::size_t run_correlated(const Circle& in, std::vector<double>& out) {
   static const PoseEkf fresh = [&] {
     PoseEkf::Config config = ekf_config();
     config.correlation_s = PoseEkf::Config{}.correlation_s;
-    return PoseEkf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+    return PoseEkf(config, {anchor_map(), {{0, {0, 0, 0}}}}, start_estimate(in));
   }();
   PoseEkf ekf = fresh;
   return run_messages(in, ekf, ekf, out);
@@ -172,7 +172,7 @@ std::size_t run_with_offsets(double correlation_s, const Circle& in, std::vector
   PoseEkf::Config config = ekf_config();
   config.calibration.sigma_anchor_offset_m = 0.05;
   config.calibration.anchor_offset_correlation_s = correlation_s;
-  PoseEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, start_estimate(in));
+  PoseEkf ekf(config, {anchor_map(), {{0, {0, 0, 0}}}}, start_estimate(in));
   return run_messages(in, ekf, ekf, out);
 }
 
@@ -188,8 +188,8 @@ std::size_t run_wandering(const Circle& in, std::vector<double>& out) {
 std::size_t run_recovering_ekf(const Circle& in, std::vector<double>& out) {
   static const locfuse::RecoveringEkf fresh = [&in] {
     locfuse::RecoveringEkf::Config config;
-    config.estimator = ekf_config();
-    locfuse::RecoveringEkf ekf(config, anchor_map(), {{0, {0, 0, 0}}}, nullptr);
+    config.start.estimator = ekf_config();
+    locfuse::RecoveringEkf ekf(config, {anchor_map(), {{0, {0, 0, 0}}}});
     ekf.start_at(start_estimate(in));
     return ekf;
   }();

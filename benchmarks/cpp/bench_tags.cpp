@@ -66,7 +66,7 @@ TagTriangleEkf start(bool heading_is_known) {
   TagTriangleEkf::Config config;
   config.heading_is_known = heading_is_known;
   config.gate_position = config.gate_velocity = 1.0;
-  return {config, tags(), locfuse::PoseEstimate{0, {}, 0.01 * Eigen::Matrix3d::Identity()}};
+  return {config, {{}, tags()}, locfuse::PoseEstimate{0, {}, 0.01 * Eigen::Matrix3d::Identity()}};
 }
 
 void drive(benchmark::State& state, bool heading_is_known) {

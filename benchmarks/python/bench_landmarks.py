@@ -68,7 +68,7 @@ def known_map_ekf() -> lf.PoseEkf:
     config.gate_landmark = 1.0  # the peers have no gate
     posts = lf.LandmarkMap([lf.Landmark(i, post) for i, post in enumerate(POSTS)])
     return lf.PoseEkf(
-        config, lf.AnchorMap([]), [], start(START, SIGMA_START), lf.LandmarkSensor(posts)
+        config, lf.World(landmarks=lf.LandmarkSensor(posts)), start(START, SIGMA_START)
     )
 
 
@@ -77,7 +77,7 @@ def mapping_ekf() -> lf.LandmarkEkf:
     config.odometry = pose_config().odometry
     config.landmark.sigma_range_m, config.landmark.sigma_bearing_rad = SIGMA_RANGE, SIGMA_BEARING
     config.gate_landmark, config.gate_new = 1.0, 1.0
-    return lf.LandmarkEkf(config, start(ORIGIN, SIGMA_ORIGIN))
+    return lf.LandmarkEkf(config, lf.World(), start(ORIGIN, SIGMA_ORIGIN))
 
 
 def messages(seen: tuple[Any, FloatArray]) -> list[Any]:

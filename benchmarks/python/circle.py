@@ -65,7 +65,7 @@ def pose_ekf() -> lf.PoseEkf:
     """Return the estimator."""
     anchors = lf.AnchorMap([lf.Anchor(i, [x, y, 0.0]) for i, (x, y) in enumerate(ANCHORS)])
     start = lf.PoseEstimate(0, lf.Pose2(*START), np.diag(SIGMA_START**2))
-    return lf.PoseEkf(pose_config(), anchors, [lf.Tag(0, [0.0, 0.0, 0.0])], start)
+    return lf.PoseEkf(pose_config(), lf.World(anchors, [lf.Tag(0, [0.0, 0.0, 0.0])]), start)
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ def triangle(
     config.velocity.sigma_forward_mps = config.velocity.sigma_lateral_mps = sigma_mps
     config.velocity.sigma_turn_rate_radps = sigma_mps
     config.velocity.sigma_point_mps = sigma_mps
-    return _fused(of, _core.TagTriangleEkf(config, tags_known(), _start(of)))
+    return _fused(of, _core.TagTriangleEkf(config, _core.World(tags=tags_known()), _start(of)))
 
 
 def kindest(of: Ride) -> Trajectory:
@@ -132,7 +132,7 @@ def rigid(of: Ride) -> Trajectory:
     config.calibration.sigma_scale = SIGMA_SCALE
     config.calibration.sigma_turn_scale = SIGMA_ROTATION
     config.calibration.sigma_turn_bias_radps = SIGMA_TURN_BIAS_RADPS
-    return _fused(of, _core.PoseEkf(config, _core.AnchorMap([]), tags_known(), _start(of)))
+    return _fused(of, _core.PoseEkf(config, _core.World(tags=tags_known()), _start(of)))
 
 
 def _start(of: Ride) -> _core.PoseEstimate:

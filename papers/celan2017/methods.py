@@ -100,7 +100,7 @@ def mcl(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.Mcl:
     config.odometry = sigmas()
     config.range.sigma_m = SIGMA_UWB_M
     grid = lap.floor.map.occupancy_grid()
-    made = _core.Mcl(config, grid, start.stamp, *radios_known(lap))
+    made = _core.Mcl(config, _core.World(*radios_known(lap), grid=grid), start.stamp)
     made.start_at([_core.PoseHypothesis(start)])
     return made
 
@@ -108,9 +108,9 @@ def mcl(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.Mcl:
 def switching(lap: Lap, start: _core.PoseEstimate, seed: int) -> _core.SwitchingMcl:
     """Return `mcl` that UWB rescues: ranges and wheels in a filter of their own."""
     config = _core.RecoveringEkfConfig()
-    config.estimator.odometry = sigmas(SIGMAS_WET)
-    config.estimator.range.sigma_m = SIGMA_UWB_M
-    uwb = _core.RecoveringEkf(config, *radios_known(lap))
+    config.start.estimator.odometry = sigmas(SIGMAS_WET)
+    config.start.estimator.range.sigma_m = SIGMA_UWB_M
+    uwb = _core.RecoveringEkf(config, _core.World(*radios_known(lap)))
     uwb.start_at(start)
     thresholds = _core.SwitchingMclConfig()
     for name, value in SWITCH.items():

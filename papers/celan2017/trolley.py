@@ -206,13 +206,15 @@ def _rigid(of: Trolley, start: _core.PoseEstimate) -> _core.PoseEkf:
     config = _core.PoseEkfConfig()
     config.sigma_lost_xy_per_sqrt_s = config.odometry.sigma_xy_per_sqrt_s = WALK_M
     config.sigma_lost_heading_per_sqrt_s = config.odometry.sigma_heading_per_sqrt_s = WALK_RAD
-    ekf = _core.PoseEkf(config, of.anchors, of.tags, start)
+    ekf = _core.PoseEkf(config, _core.World(of.anchors, of.tags), start)
     ekf.on(_core.Velocity(start.stamp, 0.0, 0.0))  # the walk is its motion: nobody pushes faster
     return ekf
 
 
 def _twelve(of: Trolley, start: _core.PoseEstimate) -> _core.TagTriangleEkf:
-    return _core.TagTriangleEkf(_core.TagTriangleEkfConfig(), of.tags, start, of.anchors)
+    return _core.TagTriangleEkf(
+        _core.TagTriangleEkfConfig(), _core.World(of.anchors, of.tags), start
+    )
 
 
 def _rolling(of: Trolley, start: _core.PoseEstimate) -> Rolling:

@@ -42,8 +42,9 @@ def air_ekf(motion: _core.AirMotion, seed: int, factor: float) -> Sample:
     anchors = _core.AnchorMap([_core.Anchor(i, list(at)) for i, at in enumerate(CORNERS)])
     sight = _core.LandmarkSensor(_core.LandmarkMap(
         [_core.Landmark(i, [x, y], height=z) for i, (x, y, z) in enumerate(BEACONS)]))  # fmt: skip
-    ekf = _core.AirEkf(_air_config(motion, factor), anchors, [_core.Tag(0, list(LEVER))], prior,
-                       sight)  # fmt: skip
+    ekf = _core.AirEkf(
+        _air_config(motion, factor), _core.World(anchors, [_core.Tag(0, list(LEVER))], sight), prior
+    )
     sample = Sample()
     for step in range(1, round(FLIGHT_S / STEP_S) + 1):
         begin, end = (round(n * STEP_S * NANOSECONDS) for n in (step - 1, step))
@@ -156,7 +157,7 @@ def tag_triangle_ekf(seed: int, factor: float) -> Sample:
         setattr(config.velocity, name, factor * getattr(config.velocity, name))
     config.gate_position = config.gate_velocity = 1.0
     tags = [_core.Tag(10 + i, [*at, 1.0]) for i, at in enumerate(TRIANGLE)]
-    ekf = _core.TagTriangleEkf(config, tags, _core.PoseEstimate(
+    ekf = _core.TagTriangleEkf(config, _core.World(tags=tags), _core.PoseEstimate(
         0, _core.Pose2(*start.tolist()), np.diag(np.square(factor * sigma))))  # fmt: skip
     sample, rate, now = Sample(), 7.5, 0
     for step in range(1, round(RIDE_S * rate) + 1):

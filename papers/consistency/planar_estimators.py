@@ -126,7 +126,7 @@ def recovering_ekf(seed: int, factor: float) -> Sample:
     config, log = _with_stated_sigmas(config_of(SCENES["ranges"], seed, {}), factor)
     messages = to_messages(log, config)
     settings = build_recovering_config(config)
-    ekf = _core.RecoveringEkf(settings, *radios_of(log, messages, config))
+    ekf = _core.RecoveringEkf(settings, _core.World(*radios_of(log, messages, config)))
     sample = Sample()
     for source, message in _in_order(log):
         outcome = ekf.on(message)
@@ -153,7 +153,7 @@ def landmark_ekf(seed: int, factor: float, heading_deg: float = 1.0) -> Sample:
     settings.landmark.sigma_bearing_rad = config.estimator.landmark.sigma_bearing_rad
     settings.gate_landmark = settings.gate_new = 1.0
     ekf = _core.LandmarkEkf(
-        settings, drawn_start(config, truth, to_messages(log, config), seed, factor)
+        settings, _core.World(), drawn_start(config, truth, to_messages(log, config), seed, factor)
     )
     names = log["landmark_sightings"]["landmark"]
     ids = {str(name): row for row, name in enumerate(log["landmarks"]["landmark"])}

@@ -54,11 +54,11 @@ def power_up_states(log: Log, config: RunConfig, method: str = "auto") -> list[_
     tags = [_core.Tag(k, list(position)) for k, position in enumerate(log.tags.values())]
     tag_ids = {name: number for number, name in enumerate(log.tags)}
     settings = build_initializer_config(config.initializer, method)
-    estimator = build_estimator_config(config.estimator)
+    settings.estimator = build_estimator_config(config.estimator)
     ranges = log["ranges"]
     states = []
     for scan, _ in _scans_and_truth(log):
-        start = _core.Initializer(settings, estimator, anchors, tags, matcher)
+        start = _core.Initializer(settings, _core.World(anchors, tags, matcher=matcher))
         before = ranges["stamp_ns"] <= scan.stamp
         if before.any():
             newest = ranges["stamp_ns"][before].max()

@@ -271,8 +271,8 @@ def kidnap(
     look = sightings_in(world, marks, rng)
     config = _core.RecoveringEkfConfig()
     config.health.probability_lost = probability_lost
-    config.estimator = filter_config()
-    ekf = _core.RecoveringEkf(config, landmarks=known(marks))
+    config.start.estimator = filter_config()
+    ekf = _core.RecoveringEkf(config, _core.World(landmarks=known(marks)))
     before, after = _path(world, marks, BEFORE_S, rng), _path(world, marks, AFTER_S, rng)
     while np.hypot(*(after[0] - before[-1])[:2]) < MIN_CARRIED_M:
         after = _path(world, marks, AFTER_S, rng)

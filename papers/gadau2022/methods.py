@@ -94,9 +94,11 @@ def pose_ekf(start: FloatArray, marks: FloatArray, wrong: bool = False) -> _core
     if wrong:
         config.gate_landmark = config.gate_position = 1.0
     sigma = [WRONG_M, WRONG_M, WRONG_RAD] if wrong else [0.05, 0.05, 0.02]
-    return _core.PoseEkf(config, _core.AnchorMap([]), [],
-                         _core.PoseEstimate(0, _core.Pose2(*start), np.diag(sigma) ** 2),
-                         known(marks))  # fmt: skip
+    return _core.PoseEkf(
+        config,
+        _core.World(landmarks=known(marks)),
+        _core.PoseEstimate(0, _core.Pose2(*start), np.diag(sigma) ** 2),
+    )
 
 
 def fuse_named(ekf: _core.PoseEkf, stamp: int, seen: FloatArray) -> None:
@@ -163,7 +165,7 @@ def ungated_ekf(start: _core.PoseEstimate, marks: FloatArray) -> _core.PoseEkf:
     """Return a filter that believes each sighting."""
     config = filter_config()
     config.gate_landmark = 1.0
-    return _core.PoseEkf(config, _core.AnchorMap([]), [], start, known(marks))
+    return _core.PoseEkf(config, _core.World(landmarks=known(marks)), start)
 
 
 def sightings_in(

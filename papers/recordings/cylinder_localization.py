@@ -124,7 +124,7 @@ def localize(
     table, mount = log["landmarks"], laser_of(log)
     places = zip(table["x_m"].tolist(), table["y_m"].tolist(), strict=True)
     known = _core.LandmarkMap([_core.Landmark(i, at) for i, at in enumerate(places)])
-    ekf = _core.PoseEkf(config, _core.AnchorMap([]), [], start, _core.LandmarkSensor(known, mount))
+    ekf = _core.PoseEkf(config, _core.World(landmarks=_core.LandmarkSensor(known, mount)), start)
     odometry = _odometry_of(log)
     begun, poses, outcomes = 0, [], []
     events = [*seen, *((stamp, None) for stamp in stamp_ns.tolist())]

@@ -149,8 +149,11 @@ def localize_jointly(config: RunConfig, log: Log) -> Trajectory:
     """Localize with the sightings of each stamp put together with landmarks jointly."""
     messages = to_messages(log, config)
     start = start_of(config, truth_of(log), messages)
-    ekf = _core.PoseEkf(build_estimator_config(config.estimator), _core.AnchorMap([]), [], start,
-                        landmarks_of(log, messages))  # fmt: skip
+    ekf = _core.PoseEkf(
+        build_estimator_config(config.estimator),
+        _core.World(landmarks=landmarks_of(log, messages)),
+        start,
+    )
     poses: dict[int, _core.PoseEstimate] = {}  # the last one of each stamp
     for instant in instants_of(log):
         for velocity in instant.driven:
@@ -172,8 +175,10 @@ def localize_from_nothing(config: RunConfig, log: Log) -> tuple[Trajectory, floa
         At the stamps at which it was not lost; the share of those at which it was.
     """
     recovering = _core.RecoveringEkfConfig()
-    recovering.estimator = build_estimator_config(config.estimator)
-    ekf = _core.RecoveringEkf(recovering, landmarks=landmarks_of(log, to_messages(log, config)))
+    recovering.start.estimator = build_estimator_config(config.estimator)
+    ekf = _core.RecoveringEkf(
+        recovering, _core.World(landmarks=landmarks_of(log, to_messages(log, config)))
+    )
     poses: dict[int, _core.PoseEstimate] = {}  # the last one of each stamp
     lost = []
     for instant in instants_of(log):

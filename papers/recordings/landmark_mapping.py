@@ -150,7 +150,8 @@ def map_landmarks(
         If the log lacks one of the two, or its odometry is not velocities.
     """
     instants = list(instants_of(log))
-    ekf = _core.LandmarkEkf(config, start, landmark_sensor_of(log))
+    sensor = _core.LandmarkSensor(T_body_sensor=landmark_sensor_of(log))
+    ekf = _core.LandmarkEkf(config, _core.World(landmarks=sensor), start)
     begin = time.perf_counter()
     poses = []
     verdict = np.zeros(sum(len(instant.rows) for instant in instants), np.uint8)

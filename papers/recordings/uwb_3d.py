@@ -127,8 +127,7 @@ def localize(
     tags, start = list(log.tags), _start(log)
     ekf = _core.AirEkf(
         config,
-        anchors,
-        [_core.Tag(i, np.array(log.tags[tag])) for i, tag in enumerate(tags)],
+        _core.World(anchors, [_core.Tag(i, np.array(log.tags[tag])) for i, tag in enumerate(tags)]),
         start,
     )
     sigmas = ranges.get("sigma_m")

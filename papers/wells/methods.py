@@ -29,10 +29,10 @@ class OurEkf:
         landmarks = [_core.Landmark(i, at, RADIUS_M) for i, at in enumerate(CYLINDERS)]
         self._detector = detector()
         self._ekf = _core.PoseEkf(
-            config, _core.AnchorMap([]), [],
+            config,
+            _core.World(landmarks=_core.LandmarkSensor(_core.LandmarkMap(landmarks))),
             _core.PoseEstimate(0, _core.Pose2(*start), np.diag([0.05, 0.05, 0.05]) ** 2),
-            _core.LandmarkSensor(_core.LandmarkMap(landmarks)),
-        )  # fmt: skip
+        )
 
     def on(self, begin: int, end: int, measured: FloatArray, scan: _core.LaserScan) -> None:
         self._ekf.on(_core.Increment(begin, end, _core.Pose2(*measured)))

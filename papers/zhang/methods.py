@@ -221,7 +221,7 @@ class OurMcl:
     def __init__(
         self, grid: GridMap, config: _core.MclConfig, start: _core.PoseEstimate | None = None
     ) -> None:
-        self._mcl = _core.Mcl(config, grid.occupancy_grid())
+        self._mcl = _core.Mcl(config, _core.World(grid=grid.occupancy_grid()))
         if start is not None:
             self._mcl.start_at([_core.PoseHypothesis(start)])
 

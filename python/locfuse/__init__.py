@@ -43,7 +43,6 @@ from locfuse._core import PoseObservation as PoseObservation
 from locfuse._core import PositionFix as PositionFix
 from locfuse._core import Range as Range
 from locfuse._core import RangeBearing as RangeBearing
-from locfuse._core import RangeBearingInSpace as RangeBearingInSpace
 from locfuse._core import RecoveringEkf as RecoveringEkf
 from locfuse._core import RecoveringEkfConfig as RecoveringEkfConfig
 from locfuse._core import ScanMatcher as ScanMatcher
@@ -54,6 +53,7 @@ from locfuse._core import SwitchingMclConfig as SwitchingMclConfig
 from locfuse._core import Tag as Tag
 from locfuse._core import Velocity as Velocity
 from locfuse._core import Verdict as Verdict
+from locfuse._core import World as World
 from locfuse._core import __version__ as __version__
 from locfuse._core import localize as localize
 from locfuse._core import locate as locate

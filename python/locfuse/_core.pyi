@@ -160,6 +160,7 @@ __all__: list[str] = [
     "VelocityConfig",
     "VelocityModel",
     "Verdict",
+    "World",
     "arc",
     "chi_squared_quantile",
     "closest_beam",
@@ -2840,9 +2841,46 @@ class LandmarkSensor:
     """
     Known landmarks and the pose T_body_sensor of the sensor that observes them.
     """
-    def __init__(self, map: LandmarkMap, T_body_sensor: Pose2 = ...) -> None: ...
+    def __init__(self, map: LandmarkMap | None = None, T_body_sensor: Pose2 = ...) -> None: ...
     @property
     def T_body_sensor(self) -> Pose2: ...
+
+class World:
+    """
+    What does not change while a robot drives.
+
+    The second argument of every estimator, which takes of it what it can use.
+
+    Parameters
+    ----------
+    anchors : AnchorMap, optional
+        To which ranges are measured.
+    tags : list of Tag, optional
+        On the body.
+    landmarks : LandmarkSensor, optional
+        Known landmarks, and the sensor that observes them.
+    grid : OccupancyGrid, optional
+        Map of walls, of an Mcl.
+    matcher : ScanMatcher, optional
+        Of scans on a map: gives the heading while a start is searched.
+
+    Examples
+    --------
+    >>> from locfuse import *
+    >>> world = World(AnchorMap([Anchor(1, [0, 0, 2])]), [Tag(0, [0, 0, 1.1])])
+    >>> ekf = RecoveringEkf(RecoveringEkfConfig(), world)
+    """
+    def __init__(
+        self,
+        anchors: AnchorMap | None = None,
+        tags: collections.abc.Sequence[Tag] = [],
+        landmarks: LandmarkSensor | None = None,
+        grid: OccupancyGrid | None = None,
+        matcher: ScanMatcher | None = None,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def tags(self) -> list[Tag]: ...
 
 class Association(enum.Enum):
     """
@@ -2862,10 +2900,8 @@ class PoseEkf:
     Parameters
     ----------
     config : PoseEkfConfig
-    anchors : AnchorMap
-    tags : list of Tag
+    world : World
     start : PoseEstimate
-    landmarks : LandmarkSensor, optional
 
     Raises
     ------
@@ -2878,7 +2914,7 @@ class PoseEkf:
     >>> from locfuse import *
     >>> anchors = AnchorMap([Anchor(1, [0, 0, 2]), Anchor(2, [8, 0, 2]), Anchor(3, [4, 6, 2])])
     >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.5, 0.5, 0.1]) ** 2)
-    >>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 1.1])], start)
+    >>> ekf = PoseEkf(PoseEkfConfig(), World(anchors, [Tag(0, [0, 0, 1.1])]), start)
     >>> ekf.on(Increment(0, 100_000_000, Pose2(0.05, 0, 0))).verdict.name
     'FUSED'
     >>> ekf.on(Range(100_000_000, tag=0, anchor=2, range=5.4)).verdict.name
@@ -2892,14 +2928,7 @@ class PoseEkf:
         """
         Independent copy.
         """
-    def __init__(
-        self,
-        config: PoseEkfConfig,
-        anchors: AnchorMap,
-        tags: collections.abc.Sequence[Tag],
-        start: PoseEstimate,
-        landmarks: LandmarkSensor | None = None,
-    ) -> None: ...
+    def __init__(self, config: PoseEkfConfig, world: World, start: PoseEstimate) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
     @typing.overload
@@ -3223,10 +3252,8 @@ class AirEkf:
     Parameters
     ----------
     config : AirEkfConfig
-    anchors : AnchorMap
-    tags : list of Tag
+    world : World
     start : AirEstimate
-    landmarks : LandmarkSensor, optional
 
     Raises
     ------
@@ -3239,7 +3266,7 @@ class AirEkf:
     >>> from locfuse import *
     >>> anchors = AnchorMap([Anchor(1, [0, 0, 2]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 3])])
     >>> start = AirEstimate(0, Pose2(3, 2, 0), 1.0, np.diag([0.5, 0.5, 0.1, 0.5]) ** 2)
-    >>> ekf = AirEkf(AirEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
+    >>> ekf = AirEkf(AirEkfConfig(), World(anchors, [Tag(0, [0, 0, 0])]), start)
     >>> ekf.on(Velocity(0, 0.5, 0.0), climb_rate=0.2).verdict.name
     'FUSED'
     >>> ekf.on(Range(1_000_000_000, tag=0, anchor=1, range=4.1)).verdict.name
@@ -3255,14 +3282,7 @@ class AirEkf:
         """
         Independent copy.
         """
-    def __init__(
-        self,
-        config: AirEkfConfig,
-        anchors: AnchorMap,
-        tags: collections.abc.Sequence[Tag],
-        start: AirEstimate,
-        landmarks: LandmarkSensor | None = None,
-    ) -> None: ...
+    def __init__(self, config: AirEkfConfig, world: World, start: AirEstimate) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
     @typing.overload
@@ -3819,12 +3839,10 @@ class TagTriangleEkf:
     Parameters
     ----------
     config : TagTriangleEkfConfig
-    tags : list of Tag
-        Three, not collinear.
+    world : World
+        With three tags, not collinear.
     start : PoseEstimate or list of PositionFix
         A pose, or one fix per tag with the same stamp.
-    anchors : AnchorMap, optional
-        For ranges.
 
     Raises
     ------
@@ -3838,7 +3856,7 @@ class TagTriangleEkf:
     >>> from locfuse.core import *
     >>> tags = [Tag(1, [0.6, 0, 1]), Tag(2, [-0.3, 0.2, 1]), Tag(3, [-0.3, -0.2, 1])]
     >>> start = PoseEstimate(0, Pose2(3, 2, 0), np.diag([0.2, 0.2, 0.1]) ** 2)
-    >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), tags, start)
+    >>> ekf = TagTriangleEkf(TagTriangleEkfConfig(), World(tags=tags), start)
     >>> ekf.on(Velocity(100_000_000, 0.3, 0.0)).verdict.name
     'FUSED'
     >>> ekf.on(PositionFix(1_000_000_000, [3.9, 2.0], 0.04 * np.eye(2), tag=1)).verdict.name
@@ -3853,20 +3871,13 @@ class TagTriangleEkf:
         Independent copy.
         """
     @typing.overload
-    def __init__(
-        self,
-        config: TagTriangleEkfConfig,
-        tags: collections.abc.Sequence[Tag],
-        start: PoseEstimate,
-        anchors: AnchorMap | None = None,
-    ) -> None: ...
+    def __init__(self, config: TagTriangleEkfConfig, world: World, start: PoseEstimate) -> None: ...
     @typing.overload
     def __init__(
         self,
         config: TagTriangleEkfConfig,
-        tags: collections.abc.Sequence[Tag],
+        world: World,
         start: collections.abc.Sequence[PositionFix],
-        anchors: AnchorMap | None = None,
     ) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
@@ -3971,6 +3982,13 @@ class InitializerConfig:
     @epoch_s.setter
     def epoch_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def estimator(self) -> PoseEkfConfig:
+        """
+        PoseEkfConfig of the hypotheses, and of the filter to continue with.
+        """
+    @estimator.setter
+    def estimator(self, arg0: PoseEkfConfig) -> None: ...
+    @property
     def headings(self) -> int: ...
     @headings.setter
     def headings(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
@@ -4009,6 +4027,13 @@ class InitializerConfig:
     @standing_ranges.setter
     def standing_ranges(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
     @property
+    def tag_conditioner(self) -> TagConditionerConfig | None:
+        """
+        TagConditionerConfig of the fixes of tags before they are used, or None.
+        """
+    @tag_conditioner.setter
+    def tag_conditioner(self, arg0: TagConditionerConfig | None) -> None: ...
+    @property
     def wrong_share(self) -> float: ...
     @wrong_share.setter
     def wrong_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -4027,14 +4052,8 @@ class Initializer:
     Parameters
     ----------
     config : InitializerConfig
-    estimator : PoseEkfConfig
-    anchors : AnchorMap
-    tags : list of Tag
-    matcher : ScanMatcher, optional
-        Obtains the heading from scans on the map; without it, the heading follows from motion.
-    landmarks : LandmarkSensor, optional
-    tag_conditioner : TagConditionerConfig, optional
-        Conditions the fixes of tags before they are used.
+    world : World
+        Without a matcher the heading follows from motion.
 
     Raises
     ------
@@ -4045,20 +4064,11 @@ class Initializer:
     --------
     >>> from locfuse import *
     >>> anchors = AnchorMap([Anchor(1, [0, 0, 1]), Anchor(2, [8, 0, 1]), Anchor(3, [4, 6, 1])])
-    >>> start = Initializer(InitializerConfig(), PoseEkfConfig(), anchors, [Tag(0, [0, 0, 1])])
+    >>> start = Initializer(InitializerConfig(), World(anchors, [Tag(0, [0, 0, 1])]))
     >>> start.state().status.name
     'WAITING'
     """
-    def __init__(
-        self,
-        config: InitializerConfig,
-        estimator: PoseEkfConfig,
-        anchors: AnchorMap,
-        tags: collections.abc.Sequence[Tag],
-        matcher: ScanMatcher | None = None,
-        landmarks: LandmarkSensor | None = None,
-        tag_conditioner: TagConditionerConfig | None = None,
-    ) -> None: ...
+    def __init__(self, config: InitializerConfig, world: World) -> None: ...
     def __repr__(self) -> str: ...
     def estimator(self) -> PoseEkf:
         """
@@ -4185,6 +4195,13 @@ class LandmarkEkfConfig:
     @hold_s.setter
     def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def known(self) -> list[KnownLandmark]:
+        """
+        List of KnownLandmark that it begins with.
+        """
+    @known.setter
+    def known(self, arg0: collections.abc.Sequence[KnownLandmark]) -> None: ...
+    @property
     def max_landmarks(self) -> int: ...
     @max_landmarks.setter
     def max_landmarks(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
@@ -4217,10 +4234,9 @@ class LandmarkEkf:
     Parameters
     ----------
     config : LandmarkEkfConfig
+    world : World
+        Of which it takes where the landmark sensor sits.
     start : PoseEstimate
-    T_body_sensor : Pose2, optional
-        T_body_sensor of the landmark sensor.
-    known : list of KnownLandmark, optional
 
     Raises
     ------
@@ -4233,7 +4249,7 @@ class LandmarkEkf:
     >>> import numpy as np
     >>> from locfuse import *
     >>> start = PoseEstimate(0, Pose2(0, 0, 0), np.diag([0.01, 0.01, 0.01]) ** 2)
-    >>> ekf = LandmarkEkf(LandmarkEkfConfig(), start)
+    >>> ekf = LandmarkEkf(LandmarkEkfConfig(), World(), start)
     >>> ekf.on(RangeBearing(0, landmark=7, range=2.0, bearing=0.0)).verdict.name
     'FUSED'
     >>> tree = ekf.landmarks()[0]
@@ -4248,13 +4264,7 @@ class LandmarkEkf:
         """
         Independent copy.
         """
-    def __init__(
-        self,
-        config: LandmarkEkfConfig,
-        start: PoseEstimate,
-        T_body_sensor: Pose2 = ...,
-        known: collections.abc.Sequence[KnownLandmark] = [],
-    ) -> None: ...
+    def __init__(self, config: LandmarkEkfConfig, world: World, start: PoseEstimate) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
     def current(self) -> PoseEstimate:
@@ -4566,7 +4576,7 @@ class Health:
     >>> from locfuse.core import *
     >>> anchors = AnchorMap([Anchor(1, [0, 0, 0]), Anchor(2, [8, 0, 0]), Anchor(3, [4, 6, 0])])
     >>> start = PoseEstimate(0, Pose2(3, 2, 0), 0.01 * np.eye(3))
-    >>> ekf = PoseEkf(PoseEkfConfig(), anchors, [Tag(0, [0, 0, 0])], start)
+    >>> ekf = PoseEkf(PoseEkfConfig(), World(anchors, [Tag(0, [0, 0, 0])]), start)
     >>> health = Health(HealthConfig())
     >>> gate = Gate(PoseEkfConfig().gate_range)
     >>> for k in range(30):  # ranges that contradict the pose
@@ -4620,22 +4630,7 @@ class RecoveringEkfConfig:
     """
 
     health: HealthConfig
-    start: InitializerConfig
     def __init__(self) -> None: ...
-    @property
-    def estimator(self) -> PoseEkfConfig:
-        """
-        PoseEkfConfig of the hypotheses of a start, and of the filter.
-        """
-    @estimator.setter
-    def estimator(self, arg0: PoseEkfConfig) -> None: ...
-    @property
-    def known(self) -> list[KnownLandmark]:
-        """
-        List of KnownLandmark that a LandmarkEkf begins with.
-        """
-    @known.setter
-    def known(self, arg0: collections.abc.Sequence[KnownLandmark]) -> None: ...
     @property
     def restart(self) -> bool:
         """
@@ -4651,19 +4646,19 @@ class RecoveringEkfConfig:
     @sigma_start_height.setter
     def sigma_start_height(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def start(self) -> InitializerConfig:
+        """
+        InitializerConfig of the search, with the PoseEkfConfig of the filter.
+        """
+    @start.setter
+    def start(self, arg0: InitializerConfig) -> None: ...
+    @property
     def start_height(self) -> float:
         """
         Height at which an AirEkf begins [m].
         """
     @start_height.setter
     def start_height(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def tag_conditioner(self) -> TagConditionerConfig | None:
-        """
-        TagConditionerConfig of the fixes of tags before they are fused, or None.
-        """
-    @tag_conditioner.setter
-    def tag_conditioner(self, arg0: TagConditionerConfig | None) -> None: ...
     @property
     def tracker(self) -> LandmarkEkfConfig | TagTriangleEkfConfig | AirEkfConfig | None:
         """
@@ -4685,11 +4680,8 @@ class RecoveringEkf:
     Parameters
     ----------
     config : RecoveringEkfConfig
-    anchors : AnchorMap, optional
-    tags : list of Tag, optional
-    matcher : ScanMatcher, optional
-        Obtains the heading from scans on the map while lost.
-    landmarks : LandmarkSensor, optional
+    world : World
+        With a matcher, scans give the heading during a search.
 
     Raises
     ------
@@ -4700,7 +4692,7 @@ class RecoveringEkf:
     --------
     >>> from locfuse import *
     >>> posts = LandmarkMap([Landmark(0, [3, 0]), Landmark(1, [0, 4]), Landmark(2, [-2, 1])])
-    >>> ekf = RecoveringEkf(RecoveringEkfConfig(), landmarks=LandmarkSensor(posts))
+    >>> ekf = RecoveringEkf(RecoveringEkfConfig(), World(landmarks=LandmarkSensor(posts)))
     >>> ekf.is_lost
     True
     >>> _ = ekf.on_joint([RangeBearing(0, None, 3.0, 0.0), RangeBearing(0, None, 4.0, 1.5708),
@@ -4708,14 +4700,7 @@ class RecoveringEkf:
     >>> ekf.is_lost, abs(round(ekf.state().hypotheses[0].estimate.pose.x, 2))
     (False, 0.0)
     """
-    def __init__(
-        self,
-        config: RecoveringEkfConfig,
-        anchors: AnchorMap | None = None,
-        tags: collections.abc.Sequence[Tag] = [],
-        matcher: ScanMatcher | None = None,
-        landmarks: LandmarkSensor | None = None,
-    ) -> None: ...
+    def __init__(self, config: RecoveringEkfConfig, world: World) -> None: ...
     def __repr__(self) -> str: ...
     def current(self) -> PoseEstimate:
         """
@@ -5052,26 +5037,23 @@ class Mcl:
     Parameters
     ----------
     config : MclConfig
-    grid : OccupancyGrid
+    world : World
+        With a grid.
     start : int
         Stamp [ns].
-    anchors : AnchorMap, optional
-    tags : list of Tag, optional
-        For ranges.
-    landmarks : LandmarkSensor, optional
 
     Raises
     ------
     ValueError
-        If the config is out of range or the map has no free or no occupied cell.
+        If the config is out of range, or the grid is missing or has no free or no occupied cell.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from locfuse import LaserGeometry, LaserScan, Mcl, MclConfig, OccupancyGrid, Pose2
+    >>> from locfuse import LaserGeometry, LaserScan, Mcl, MclConfig, OccupancyGrid, Pose2, World
     >>> cells = np.full((60, 80), 0, dtype=np.int8)  # a room of 4 x 3 m with a box in a corner
     >>> cells[[0, -1], :] = cells[:, [0, -1]] = cells[:20, :30] = 100
-    >>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))
+    >>> mcl = Mcl(MclConfig(), World(grid=OccupancyGrid(cells, resolution=0.05)))
     >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
     >>> mcl.on(LaserScan(0, around, [0.9, 0.9, 2.9, 0.9])).verdict.name
     'FUSED'
@@ -5084,13 +5066,7 @@ class Mcl:
         """
     def __deepcopy__(self, memo: typing.Any) -> Mcl: ...
     def __init__(
-        self,
-        config: MclConfig,
-        grid: OccupancyGrid,
-        start: typing.SupportsInt | typing.SupportsIndex = 0,
-        anchors: AnchorMap | None = None,
-        tags: collections.abc.Sequence[Tag] = [],
-        landmarks: LandmarkSensor | None = None,
+        self, config: MclConfig, world: World, start: typing.SupportsInt | typing.SupportsIndex = 0
     ) -> None: ...
     def __repr__(self) -> str: ...
     def estimate(self) -> PoseEstimate:
@@ -5340,8 +5316,9 @@ class SwitchingMcl:
     >>> from locfuse import *
     >>> cells = np.full((60, 80), 0, dtype=np.int8)
     >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
-    >>> mcl = Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05))  # anywhere in a room of 4 x 3 m
-    >>> uwb = RecoveringEkf(RecoveringEkfConfig())
+    >>> grid = OccupancyGrid(cells, resolution=0.05)  # a room of 4 x 3 m
+    >>> mcl = Mcl(MclConfig(), World(grid=grid))  # anywhere in it
+    >>> uwb = RecoveringEkf(RecoveringEkfConfig(), World())
     >>> uwb.start_at(PoseEstimate(0, Pose2(1.0, 1.0, 0.0), np.diag([0.1, 0.1, 0.1]) ** 2))
     >>> switching = SwitchingMcl(SwitchingMclConfig(), mcl, uwb)
     >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
@@ -5557,7 +5534,7 @@ class LiveMcl:
     >>> from locfuse.core import *
     >>> cells = np.zeros((40, 40), dtype=np.int8)
     >>> cells[[0, -1], :] = cells[:, [0, -1]] = 100
-    >>> live = LiveMcl(Mcl(MclConfig(), OccupancyGrid(cells, resolution=0.05)))
+    >>> live = LiveMcl(Mcl(MclConfig(), World(grid=OccupancyGrid(cells, resolution=0.05))))
     >>> around = LaserGeometry(Pose2(), 0.0, np.pi / 2, range_min=0.1, range_max=10.0)
     >>> live.on(Velocity(0, 0.0, 0.0)), live.on(LaserScan(5 * 10**7, around, [0.9, 0.9, 0.9, 0.9]))
     ([], [])
@@ -5682,7 +5659,7 @@ class Live:
     --------
     >>> import numpy as np
     >>> from locfuse import *
-    >>> live = Live(RecoveringEkf(RecoveringEkfConfig()))
+    >>> live = Live(RecoveringEkf(RecoveringEkfConfig(), World()))
     >>> live.start_at(PoseEstimate(0, Pose2(1, 2, 0), 0.01 * np.eye(3)))
     >>> live.on(PositionFix(0, [1.05, 2.0], 0.01 * np.eye(2))).verdict.name
     'FUSED'

@@ -42,7 +42,7 @@ Mcl particles(const Drive& run, int threads) {
   config.scouts = 16;
   config.scout_draws = 2000;
   config.threads = threads;
-  Mcl mcl(config, run.room.map, 0);
+  Mcl mcl(config, testing::on_map(run.room.map), 0);
   mcl.start_at({{{0, run.start, Vector<3>(0.04, 0.04, 0.01).asDiagonal()}, 1.0}});
   return mcl;
 }
@@ -97,7 +97,7 @@ TEST(Threads, replay_one_log_from_one_start_concurrently) {
     log.add(message, effective_stamp(message) + delay);
   }
   log.sort();
-  const PoseEkf start({}, testing::hall(), testing::one_tag(), run.start);
+  const PoseEkf start({}, {testing::hall(), testing::one_tag()}, run.start);
   const RunLog alone = replay(start, log, {});
   std::vector<RunLog> runs(4);
   std::vector<std::thread> replays;

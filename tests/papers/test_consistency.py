@@ -68,8 +68,9 @@ def test_all_figures_of_consistent_filters_are_inside_together_as_often_as_state
 def test_only_what_was_fused_counts() -> None:
     ekf = locfuse.PoseEkf(
         locfuse.PoseEkfConfig(),
-        locfuse.AnchorMap([locfuse.Anchor(0, [0, 0, 0])]),
-        [locfuse.Tag(0, [0, 0, 0])],
+        locfuse.World(
+            locfuse.AnchorMap([locfuse.Anchor(0, [0, 0, 0])]), [locfuse.Tag(0, [0, 0, 0])]
+        ),
         locfuse.PoseEstimate(0, locfuse.Pose2(3, 4, 0), np.diag([0.01, 0.01, 0.01])),
     )
     sample = Sample()

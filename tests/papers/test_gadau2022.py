@@ -127,7 +127,7 @@ def test_errors_with_gps_are_as_large_as_the_filter_says(name: str) -> None:
 
 def test_a_fix_that_jumps_by_100_m_changes_no_bit() -> None:
     start = _core.PoseEstimate(0, _core.Pose2(5.0, 5.0, 0.3), np.diag([0.2, 0.2, 0.1]) ** 2)
-    ekf = _core.PoseEkf(filter_config(), _core.AnchorMap([]), [], start)
+    ekf = _core.PoseEkf(filter_config(), _core.World(), start)
     before = ekf.belief.P.copy()
     outcome = ekf.on(_core.PositionFix(0, np.array([5.0, 105.0]), 0.25 * np.eye(2)))
     assert outcome.verdict == _core.Verdict.GATED

@@ -318,7 +318,7 @@ SECOND = 1_000_000_000
 def make_ekf(sigma: float = 0.1) -> lf.PoseEkf:
     anchors = lf.AnchorMap([lf.Anchor(0, [0, -2, 1]), lf.Anchor(1, [0, 6, 1])])
     start = lf.PoseEstimate(0, lf.Pose2(3.0, 2.0, 0.0), np.diag([sigma] * 3) ** 2)
-    ekf = lf.PoseEkf(lf.PoseEkfConfig(), anchors, [lf.Tag(0, [0, 0, 1])], start)
+    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.World(anchors, [lf.Tag(0, [0, 0, 1])]), start)
     ekf.on(lf.Velocity(0, 0.2, 0.1))
     ekf.on(lf.Range(SECOND, tag=0, anchor=0, range=5.1))
     return ekf

@@ -207,7 +207,7 @@ def poses_at(log: Log, stem: str) -> list[lf.Pose2]:
 def velocity_residuals(log: Log) -> FloatArray:
     table = log["odometry"]
     start = lf.PoseEstimate(0, poses_at(log, "odometry")[0], 0.01 * np.eye(3))
-    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), [], start)
+    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.World(), start)
     residuals = []
     for row, true_pose in enumerate(poses_at(log, "odometry")):
         stamp = int(table["stamp_ns"][row])
@@ -353,7 +353,7 @@ def test_simulator_and_models_agree_without_noise_in_space() -> None:
 
     def residual(pose: lf.Pose2, height: float, message: lf.Range | lf.RangeBearing) -> float:
         start = lf.AirEstimate(0, pose, height, 1e-6 * np.eye(4))
-        return lf.AirEkf(config, anchors, placed, start, sensor).on(message).nis
+        return lf.AirEkf(config, lf.World(anchors, placed, sensor), start).on(message).nis
 
     seen = zip(poses_at(log, "landmark_sightings"), true_heights(log, "landmark_sightings"),
                *(table[c] for c in ("landmark", "range_m", "bearing_rad", "elevation_rad")),

@@ -6,16 +6,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 import pytest
+import yaml
 
-from locfuse.config.load import load_config, parse_config
-from locfuse.config.scenario import OdometrySensor
+from locfuse.config.load import parse_config
 from locfuse.config.schema import Cylinders, Mcl, RunConfig
+from locfuse.io.rosbag.bag_reader import read_bag
+from locfuse.io.rosbag.bag_writer import write_bag
 from locfuse.io.rosbag.decode import decimal, decimals
 from locfuse.run.run import load_log, run
+from locfuse.studio.document import checked
+from locfuse.studio.estimators import choices, variant
 from locfuse.types import Log
 from support_adapter import Robot, assert_poses_are, later
 from support_live import assert_same
@@ -44,23 +49,22 @@ PARTICLES: Mapping[str, Mapping[str, Any]] = {
 CASES = [*PARTICLES, *(f"cylinders {name}" for name in METHODS)]
 
 
+def document(case: str) -> dict[str, Any]:
+    """Return what a user writes for a front end."""
+    if not case.startswith("cylinders"):
+        return {"simulation": dict(FLOOR), "seed": 1, **PARTICLES[case]}
+    data = yaml.safe_load((ROOT / "examples/configs/gadau_discs.yaml").read_text())
+    data["simulation"] = {**data["simulation"], "duration_s": 10.0, "odometry": dict(VELOCITIES)}
+    return {**data, "cylinders": {**data["cylinders"], "method": case.split()[1]}}
+
+
 @cache
 def driven(case: str) -> tuple[RunConfig, Log]:
     """Return a run with a given start and its log, whose scans are of single precision, as topics'.
 
     Velocities pass a topic as they are; of the increments of poses the last bits change.
     """
-    if case.startswith("cylinders"):
-        made = load_config(ROOT / "examples/configs/gadau_discs.yaml")
-        assert made.simulation is not None
-        assert made.cylinders is not None
-        simulation = made.simulation.model_copy(
-            update={"duration_s": 10.0, "odometry": OdometrySensor(**VELOCITIES)}
-        )
-        cylinders = made.cylinders.model_copy(update={"method": case.split()[1]})
-        made = made.model_copy(update={"simulation": simulation, "cylinders": cylinders})
-    else:
-        made = parse_config({"simulation": dict(FLOOR), "seed": 1, **PARTICLES[case]})
+    made = parse_config(document(case))
     log = load_log(made, None, made.seed)
     x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
     ros = made.ros.model_copy(update={"estimate_at": "fused", "odometry_from": "twist"})
@@ -91,3 +95,38 @@ def test_nodes(case: str, ros: str) -> None:
     robot.learn()
     robot.drive()
     assert_poses_are(robot, run(config, log).estimate, least=0.4)
+
+
+@pytest.mark.parametrize("bag", ["drive.bag", "drive.mcap"])
+@pytest.mark.parametrize("case", CASES)
+def test_bags(case: str, bag: str, tmp_path: Path) -> None:
+    config, log = driven(case)
+    result = run(config, log)
+    write_bag(log, tmp_path / bag, config.ros)
+    again = run(config, read_bag(tmp_path / bag, config.ros)).estimate
+    assert again.position[-1].tolist() == pytest.approx(
+        result.estimate.position[-1].tolist(), abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_studio(case: str) -> None:
+    """A document with the front end runs, and a choice that has it keeps its settings."""
+    config, _ = driven(case)
+    data = document(case)
+    opened = checked({**data, "start": list(config.start)})
+    assert run(opened).metrics["position_rmse_m"] < 0.3
+    variants = [checked(variant(choice, data, opened)) for choice in choices(data, opened)]
+    kept = [one for one in variants if setting(case, one) is not None]
+    assert kept
+    assert all(setting(case, one) == setting(case, opened) for one in kept)
+
+
+def setting(case: str, config: RunConfig) -> object:
+    """Return what a configuration says of the front end of a case; None without it."""
+    if case.startswith("cylinders"):
+        return config.cylinders and config.cylinders.method
+    if case == "scan_odometry":
+        return config.scan_odometry and "scan_odometry"
+    mcl = config.mcl
+    return mcl and (mcl.proposal, mcl.likelihood, mcl.max_particles)

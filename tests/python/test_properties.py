@@ -75,7 +75,9 @@ def make_ekf() -> lf.PoseEkf:
     landmarks = lf.LandmarkMap([lf.Landmark(0, [5.0, 5.0]), lf.Landmark(1, [-3.0, 2.0])])
     start = lf.PoseEstimate(0, lf.Pose2(3.0, 2.0, 0.3), np.diag([0.3, 0.3, 0.1]) ** 2)
     sight = lf.LandmarkSensor(landmarks, lf.Pose2(0.1, 0.0, 0.0))
-    return lf.PoseEkf(lf.PoseEkfConfig(), anchors, [lf.Tag(0, [0.2, 0.1, 1.0])], start, sight)
+    return lf.PoseEkf(
+        lf.PoseEkfConfig(), lf.World(anchors, [lf.Tag(0, [0.2, 0.1, 1.0])], sight), start
+    )
 
 
 def bits(ekf: lf.PoseEkf) -> bytes:

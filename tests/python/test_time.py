@@ -78,7 +78,7 @@ def looped(rounds: int) -> lf.MessageLog:
 
 def replay(rounds: int, clock_jump: lf.ClockJump) -> Any:
     start = lf.PoseEstimate(0, lf.Pose2(3, 2, 0), np.diag([0.1, 0.1, 0.1]) ** 2)
-    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), [], start)
+    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.World(), start)
     return lf.replay(ekf, looped(rounds), clock_jump=clock_jump)
 
 

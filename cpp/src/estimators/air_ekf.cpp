@@ -46,17 +46,17 @@ constexpr double kUnbounded = 1e9;  // [m]
 Matrix<1, 1> scalar(double value) { return Matrix<1, 1>(value); }
 
 /// The plane in which anchors are.
-AirEkf::Plane plane_of(const std::shared_ptr<const AnchorMap>& anchors) {
+AirEkf::Plane plane_of(const AnchorMap& anchors) {
   AirEkf::Plane plane;
-  if (anchors == nullptr || anchors->anchors().size() < 3) {
+  if (anchors.anchors().size() < 3) {
     return plane;
   }
-  const double share = 1.0 / static_cast<double>(anchors->anchors().size());
-  for (const Anchor& anchor : anchors->anchors()) {
+  const double share = 1.0 / static_cast<double>(anchors.anchors().size());
+  for (const Anchor& anchor : anchors.anchors()) {
     plane.centre += share * anchor.position;
   }
   Matrix<3, 3> moments = Matrix<3, 3>::Zero();
-  for (const Anchor& anchor : anchors->anchors()) {
+  for (const Anchor& anchor : anchors.anchors()) {
     const Vector<3> off = anchor.position - plane.centre;
     moments += share * off * off.transpose();
   }
@@ -110,33 +110,33 @@ struct AirEkf::Recipe {
   Stamp hold;
 };
 
-AirEkf::AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
-               std::vector<Tag> tags, const AirEstimate& start, LandmarkSensor landmarks)
-    : recipe_(std::make_shared<const Recipe>(Recipe{
-          config,
-          plane_of(anchors),
-          OdometryMotion(config.odometry),
-          internal::lost_motion(config),
-          variance_of("sigma_height_per_sqrt_s", config.sigma_height_per_sqrt_s),
-          variance_of("sigma_lost_height_per_sqrt_s",
-                      internal::positive("sigma_lost_height_per_sqrt_s",
-                                         config.sigma_lost_height_per_sqrt_s)),
-          ConstantVelocityMotion(config.constant_velocity),
-          RangeModel(config.range, std::move(anchors), tags),
-          PositionModel(config.position, std::move(tags)),
-          AltitudeModel(config.altitude),
-          PoseModel(config.pose),
-          RangeBearingModel(config.landmark, landmarks.T_body_sensor, config.landmark_in_space),
-          landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
-          Gate(config.gate_range),
-          Gate(config.gate_position),
-          Gate(config.gate_altitude),
-          Gate(config.gate_pose),
-          Gate(config.gate_landmark),
-          internal::noise_of("robust_range", config.robust_range, config),
-          internal::noise_of("robust_position", config.robust_position, config),
-          internal::noise_of("robust_pose", config.robust_pose, config),
-          internal::hold_of(config)})),
+AirEkf::AirEkf(const Config& config, const World& world, const AirEstimate& start)
+    : recipe_(std::make_shared<const Recipe>(
+          Recipe{config,
+                 plane_of(*internal::anchors_of(world)),
+                 OdometryMotion(config.odometry),
+                 internal::lost_motion(config),
+                 variance_of("sigma_height_per_sqrt_s", config.sigma_height_per_sqrt_s),
+                 variance_of("sigma_lost_height_per_sqrt_s",
+                             internal::positive("sigma_lost_height_per_sqrt_s",
+                                                config.sigma_lost_height_per_sqrt_s)),
+                 ConstantVelocityMotion(config.constant_velocity),
+                 RangeModel(config.range, internal::anchors_of(world), world.tags),
+                 PositionModel(config.position, world.tags),
+                 AltitudeModel(config.altitude),
+                 PoseModel(config.pose),
+                 RangeBearingModel(config.landmark, world.landmarks.T_body_sensor,
+                                   config.landmark_in_space),
+                 internal::landmarks_of(world),
+                 Gate(config.gate_range),
+                 Gate(config.gate_position),
+                 Gate(config.gate_altitude),
+                 Gate(config.gate_pose),
+                 Gate(config.gate_landmark),
+                 internal::noise_of("robust_range", config.robust_range, config),
+                 internal::noise_of("robust_position", config.robust_position, config),
+                 internal::noise_of("robust_pose", config.robust_pose, config),
+                 internal::hold_of(config)})),
       belief_(
           GaussianBelief::of_pose(start.stamp, start.pose, start.covariance.topLeftCorner<3, 3>())),
       body_(belief_.slot("body")),

@@ -71,16 +71,15 @@ LandmarkEkf::Recipe LandmarkEkf::recipe_of(const Config& config, const Pose2& T_
           internal::stamps_of("confirm_within_s", config.confirm_within_s)};
 }
 
-LandmarkEkf::LandmarkEkf(const Config& config, const PoseEstimate& start,
-                         const Pose2& T_body_sensor, const std::vector<KnownLandmark>& known)
-    : recipe_(std::make_shared<const Recipe>(recipe_of(config, T_body_sensor))),
+LandmarkEkf::LandmarkEkf(const Config& config, const World& world, const PoseEstimate& start)
+    : recipe_(std::make_shared<const Recipe>(recipe_of(config, world.landmarks.T_body_sensor))),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
   check_stamp(start.stamp);
   // Whatever maps has odometry: until that comes it stands, or the first landmarks would be vague.
   odometry_.take(Velocity{start.stamp, 0.0, 0.0});
-  for (const KnownLandmark& landmark : known) {
+  for (const KnownLandmark& landmark : config.known) {
     add_known(landmark);
   }
 }

@@ -49,20 +49,19 @@ double determinant_of(const Noise& noise) {
 
 }  // namespace
 
-PoseEkf::PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
-                 std::vector<Tag> tags, const PoseEstimate& start, LandmarkSensor landmarks)
-    : recipe_(std::make_shared<const Recipe>(Recipe{
-          config, OdometryMotion(config.odometry), internal::lost_motion(config),
-          RangeModel(config.range, anchors, tags), PositionModel(config.position, std::move(tags)),
-          PoseModel(config.pose), RangeBearingModel(config.landmark, landmarks.T_body_sensor),
-          Calibration(config.calibration, *anchors),
-          landmarks.map ? std::move(landmarks.map) : std::make_shared<const LandmarkMap>(),
-          Gate(config.gate_range), Gate(config.gate_position), Gate(config.gate_pose),
-          Gate(config.gate_landmark),
-          internal::noise_of("robust_range", config.robust_range, config),
-          internal::noise_of("robust_position", config.robust_position, config),
-          internal::noise_of("robust_pose", config.robust_pose, config),
-          internal::hold_of(config)})),
+PoseEkf::PoseEkf(const Config& config, const World& world, const PoseEstimate& start)
+    : recipe_(std::make_shared<const Recipe>(
+          Recipe{config, OdometryMotion(config.odometry), internal::lost_motion(config),
+                 RangeModel(config.range, internal::anchors_of(world), world.tags),
+                 PositionModel(config.position, world.tags), PoseModel(config.pose),
+                 RangeBearingModel(config.landmark, world.landmarks.T_body_sensor),
+                 Calibration(config.calibration, *internal::anchors_of(world)),
+                 internal::landmarks_of(world), Gate(config.gate_range), Gate(config.gate_position),
+                 Gate(config.gate_pose), Gate(config.gate_landmark),
+                 internal::noise_of("robust_range", config.robust_range, config),
+                 internal::noise_of("robust_position", config.robust_position, config),
+                 internal::noise_of("robust_pose", config.robust_pose, config),
+                 internal::hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       odometry_(start.stamp),

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
@@ -15,6 +16,7 @@
 
 #include "locfuse/error.hpp"
 #include "locfuse/estimators/held_motion.hpp"
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/filters/outcome.hpp"
@@ -26,6 +28,14 @@
 
 /// What the recipes of estimators have in common.
 namespace locfuse::internal {
+
+/// The anchors and the landmarks of a world, empty maps of one that has none; never null.
+inline std::shared_ptr<const AnchorMap> anchors_of(const World& world) {
+  return world.anchors ? world.anchors : std::make_shared<const AnchorMap>();
+}
+inline std::shared_ptr<const LandmarkMap> landmarks_of(const World& world) {
+  return world.landmarks.map ? world.landmarks.map : std::make_shared<const LandmarkMap>();
+}
 
 inline double positive(const char* name, double value) {
   if (!(std::isfinite(value) && value > 0.0)) {

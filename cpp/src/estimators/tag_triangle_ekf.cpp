@@ -159,17 +159,15 @@ std::vector<PositionFix> in_order(const TagTriangleEkf::Config& config,
 }  // namespace
 
 struct TagTriangleEkf::Recipe {
-  Recipe(const Config& given, const std::vector<Tag>& on_body,
-         std::shared_ptr<const AnchorMap> anchors)
+  Recipe(const Config& given, const World& world)
       : config(given),
-        tags(on_body),
-        body(triangle_of(on_body)),
-        lengths(sides_of(given, on_body, body)),
+        tags(world.tags),
+        body(triangle_of(world.tags)),
+        lengths(sides_of(given, world.tags, body)),
         motion(given.motion),
         velocity(given.velocity),
         side(given.side),
-        range(given.range, anchors ? std::move(anchors) : std::make_shared<const AnchorMap>(),
-              on_body),
+        range(given.range, internal::anchors_of(world), world.tags),
         position(given.position),
         position_gate(given.gate_position),
         velocity_gate(given.gate_velocity),
@@ -299,20 +297,18 @@ TagTriangleEkf::TagTriangleEkf(const std::shared_ptr<const Recipe>& recipe,
           }(),
           covariance_of(recipe->body, start, recipe->config.side.sigma_m)) {}
 
-TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
-                               const PoseEstimate& start, std::shared_ptr<const AnchorMap> anchors)
-    : TagTriangleEkf(std::make_shared<const Recipe>(config, tags, std::move(anchors)), start) {}
+TagTriangleEkf::TagTriangleEkf(const Config& config, const World& world, const PoseEstimate& start)
+    : TagTriangleEkf(std::make_shared<const Recipe>(config, world), start) {}
 
 TagTriangleEkf TagTriangleEkf::restarted(const PoseEstimate& start) const {
   return {recipe_, start};
 }
 
-TagTriangleEkf::TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
-                               const std::vector<PositionFix>& start,
-                               std::shared_ptr<const AnchorMap> anchors)
+TagTriangleEkf::TagTriangleEkf(const Config& config, const World& world,
+                               const std::vector<PositionFix>& start)
     : TagTriangleEkf([&] {
-        const auto recipe = std::make_shared<const Recipe>(config, tags, std::move(anchors));
-        const std::vector<PositionFix> fixes = in_order(config, tags, start);
+        const auto recipe = std::make_shared<const Recipe>(config, world);
+        const std::vector<PositionFix> fixes = in_order(config, world.tags, start);
         Vector<6> positions;
         Matrix<6, 6> covariance = Matrix<6, 6>::Zero();
         for (int i = 0; i < kTags; ++i) {

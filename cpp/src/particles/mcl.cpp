@@ -108,10 +108,8 @@ struct BestLandmark {
 
 }  // namespace
 
-Mcl::Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
-         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSensor landmarks)
-    : recipe_(internal::make_mcl_recipe(config, grid, std::move(anchors), std::move(tags),
-                                        std::move(landmarks))),
+Mcl::Mcl(const Config& config, const World& world, Stamp start)
+    : recipe_(internal::make_mcl_recipe(config, world)),
       filter_(recipe_),
       sharpness_(recipe_),
       recovery_(recipe_),

@@ -71,11 +71,12 @@ std::vector<std::int32_t> free_cells(const OccupancyGrid& grid) {
 
 }  // namespace
 
-std::shared_ptr<const MclRecipe> make_mcl_recipe(const MclConfig& config,
-                                                 const std::shared_ptr<const OccupancyGrid>& grid,
-                                                 std::shared_ptr<const AnchorMap> anchors,
-                                                 std::vector<Tag> tags, LandmarkSensor landmarks) {
+std::shared_ptr<const MclRecipe> make_mcl_recipe(const MclConfig& config, const World& world) {
   const MclConfig& c = checked(config);
+  const std::shared_ptr<const OccupancyGrid>& grid = world.grid;
+  if (!grid) {
+    throw std::invalid_argument("no map: an Mcl needs the grid of its world");
+  }
   std::vector<LikelihoodField> fields = LikelihoodField::doubling(c.field, grid, c.sigma_widest_m);
   std::vector<std::int32_t> free = free_cells(*grid);
   std::optional<BeamModel> beams;
@@ -83,15 +84,15 @@ std::shared_ptr<const MclRecipe> make_mcl_recipe(const MclConfig& config,
     beams.emplace(c.beam_model, grid);
   }
   std::optional<RangeModel> range;
-  if (anchors) {
-    range.emplace(c.range, std::move(anchors), tags);
+  if (world.anchors) {
+    range.emplace(c.range, world.anchors, world.tags);
   }
   using Proposal = MclConfig::Proposal;
   const bool by_lines = c.proposal == Proposal::kLineEkf || c.proposal == Proposal::kLineEkfPaper;
   return std::make_shared<const MclRecipe>(MclRecipe{
       c, OdometryMotion(c.odometry), lost_motion(c), std::move(fields), std::move(beams),
-      std::move(range), PositionModel(c.position, std::move(tags)), PoseModel(c.pose),
-      RangeBearingModel(c.landmark, landmarks.T_body_sensor), std::move(landmarks.map),
+      std::move(range), PositionModel(c.position, world.tags), PoseModel(c.pose),
+      RangeBearingModel(c.landmark, world.landmarks.T_body_sensor), world.landmarks.map,
       static_cast<Stamp>(c.hold_s * kNanosecondsPerSecond), std::move(free),
       std::make_shared<Workers>(c.threads),
       c.proposal == Proposal::kScanMatch ? std::make_shared<const ScanMatcher>(grid) : nullptr,

@@ -14,6 +14,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "estimators/recipe.hpp"
 #include "locfuse/error.hpp"
 #include "locfuse/frontends/constellation.hpp"
 #include "locfuse/frontends/multilateration.hpp"
@@ -276,20 +277,14 @@ PoseEkf::Config independent(PoseEkf::Config config) {
 
 }  // namespace
 
-Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
-                         std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-                         std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks,
-                         const std::optional<TagConditioner::Config>& tag_conditioner)
+Initializer::Initializer(const Config& config, const World& world)
     : config_(config),
-      estimator_(estimator),
-      anchors_(std::move(anchors)),
-      tags_(std::move(tags)),
-      matcher_(std::move(matcher)),
-      gate_(estimator.gate_pose),
-      prototype_(independent(estimator), anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
-                 landmarks),
-      tracker_(estimator, anchors_, tags_, {0, {}, Matrix<3, 3>::Identity()},
-               std::move(landmarks)) {
+      anchors_(internal::anchors_of(world)),
+      tags_(world.tags),
+      matcher_(world.matcher),
+      gate_(config.estimator.gate_pose),
+      prototype_(independent(config.estimator), world, {0, {}, Matrix<3, 3>::Identity()}),
+      tracker_(config.estimator, world, {0, {}, Matrix<3, 3>::Identity()}) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   if (config.method == StartMethod::kSrlsHeadings) {
     waiting_for_ = kNoneKnown;
@@ -306,8 +301,8 @@ Initializer::Initializer(const Config& config, const PoseEkf::Config& estimator,
   in_range("probability_ready", config.probability_ready, 0.5, 1.0);
   in_range("sigma_xy_ready_m", config.sigma_xy_ready_m, 0.0, kInfinity);
   in_range("sigma_heading_ready_rad", config.sigma_heading_ready_rad, 0.0, kInfinity);
-  if (tag_conditioner) {
-    conditioner_.emplace(*tag_conditioner, tags_);
+  if (config.tag_conditioner) {
+    conditioner_.emplace(*config.tag_conditioner, tags_);
   }
 }
 
@@ -331,13 +326,14 @@ void Initializer::attempt(const Call& call) {
 
 void Initializer::on(const Velocity& u) {
   validate(u);
-  if (!is_plausible(u, estimator_.limits)) {
+  if (!is_plausible(u, config_.estimator.limits)) {
     return;
   }
   attempt([&] {
     const Velocity* last = control_ ? std::get_if<Velocity>(&*control_) : nullptr;
     if (last != nullptr && u.stamp > last->stamp) {
-      const double seconds = std::min(seconds_between(last->stamp, u.stamp), estimator_.hold_s);
+      const double seconds =
+          std::min(seconds_between(last->stamp, u.stamp), config_.estimator.hold_s);
       moved(arc(last->forward * seconds, last->left * seconds, last->turn_rate * seconds));
     }
     drive(u);
@@ -346,7 +342,7 @@ void Initializer::on(const Velocity& u) {
 
 void Initializer::on(const Increment& u) {
   validate(u);
-  if (!is_plausible(u, estimator_.limits)) {
+  if (!is_plausible(u, config_.estimator.limits)) {
     return;
   }
   attempt([&] {
@@ -390,7 +386,7 @@ bool Initializer::moved_on(const Pose2& motion) const {
 
 void Initializer::on(const Range& z) {
   validate(z);
-  if (!is_plausible(z, estimator_.limits)) {
+  if (!is_plausible(z, config_.estimator.limits)) {
     return;
   }
   attempt([&] {
@@ -457,7 +453,7 @@ void Initializer::follow_place() {
 /// With the noise by which ranges were found to scatter.
 Range Initializer::widened(Range z) const {
   if (range_noise_ > 1.0) {
-    const RangeModel::Config& noise = estimator_.range;
+    const RangeModel::Config& noise = config_.estimator.range;
     const double sigma = std::hypot(noise.sigma_m, noise.sigma_relative * z.range);
     z.sigma = std::sqrt(range_noise_) * z.sigma.value_or(sigma);
   }
@@ -512,7 +508,8 @@ Initializer::Link* Initializer::link_of(const Range& z) {
 
 void Initializer::on(const PositionFix& received) {
   validate(received);
-  if (config_.method == StartMethod::kSrlsHeadings || !is_plausible(received, estimator_.limits)) {
+  if (config_.method == StartMethod::kSrlsHeadings ||
+      !is_plausible(received, config_.estimator.limits)) {
     return;
   }
   attempt([&] {
@@ -522,7 +519,7 @@ void Initializer::on(const PositionFix& received) {
       return;
     }
     const PositionFix& z = *conditioned;
-    const PositionModel model(estimator_.position, tags_);
+    const PositionModel model(config_.estimator.position, tags_);
     const std::optional<Vector<2>> lever = model.lever(z.tag);
     const ReportedNoise<2> noise = model.noise(z);
     if (lever && noise.rows == 2) {
@@ -541,7 +538,7 @@ void Initializer::on(const PositionFix& received) {
 /// With the noise by which fixes were found to scatter.
 PositionFix Initializer::widened(PositionFix z) const {
   if (position_noise_ > 1.0) {
-    const ReportedNoise<2> noise = PositionModel(estimator_.position, tags_).noise(z);
+    const ReportedNoise<2> noise = PositionModel(config_.estimator.position, tags_).noise(z);
     if (noise.rows == 2) {
       z.covariance = position_noise_ * noise.noise;
     }
@@ -551,7 +548,7 @@ PositionFix Initializer::widened(PositionFix z) const {
 
 void Initializer::on(const PoseObservation& z) {
   validate(z);
-  if (config_.method == StartMethod::kSrlsHeadings || !is_plausible(z, estimator_.limits)) {
+  if (config_.method == StartMethod::kSrlsHeadings || !is_plausible(z, config_.estimator.limits)) {
     return;
   }
   attempt([&] {
@@ -561,7 +558,8 @@ void Initializer::on(const PoseObservation& z) {
       return;
     }
     const Pose2 pose{z.pose.x, z.pose.y, wrap_angle(z.pose.heading)};
-    if (const ReportedNoise<3> noise = PoseModel(estimator_.pose).noise(z); noise.rows == 3) {
+    if (const ReportedNoise<3> noise = PoseModel(config_.estimator.pose).noise(z);
+        noise.rows == 3) {
       components_.push_back(component({z.stamp, pose, noise.noise}, 0.0));
     }
   });
@@ -569,7 +567,7 @@ void Initializer::on(const PoseObservation& z) {
 
 void Initializer::on(const RangeBearing& z) {
   validate(z);
-  if (config_.method == StartMethod::kGaussianSum && is_plausible(z, estimator_.limits) &&
+  if (config_.method == StartMethod::kGaussianSum && is_plausible(z, config_.estimator.limits) &&
       (!z.landmark || prototype_.landmark_map().find(*z.landmark) != nullptr)) {
     attempt([&] { see(z); });
   }
@@ -618,7 +616,7 @@ double Initializer::log_by_chance(const RangeBearing& z) const {
 /// component is there already: eq. (2) of docs/start.md.
 void Initializer::add_constellations() {
   const std::optional<Seen> newest = seen_by(prototype_.landmark_model(), sightings_.back());
-  const double probability = std::min(estimator_.gate_landmark, 0.9999);
+  const double probability = std::min(config_.estimator.gate_landmark, 0.9999);
   const double anywhere = -2.0 * std::log(config_.wrong_span_m) - std::log(2.0 * kPi);
   const double prior =
       components_.empty() ? anywhere : log_before_ + std::log(config_.wrong_share) + anywhere;
@@ -742,7 +740,7 @@ void Initializer::locate() {
 }
 
 void Initializer::locate_by(const std::vector<Range>& epoch) {
-  const TagRanges epoch_ranges = most_ranges(epoch, tags_, *anchors_, estimator_.range);
+  const TagRanges epoch_ranges = most_ranges(epoch, tags_, *anchors_, config_.estimator.range);
   if (epoch_ranges.rows() < 2) {
     waiting_for_ = epoch_ranges.rows() == 0 ? kNoneKnown : "ranges to one anchor only";
     return;
@@ -793,7 +791,7 @@ void Initializer::collect(const Range& z) {
 
 /// The newest position that ranges determine; where they do not, false, and the one before stays.
 bool Initializer::place_by_squares() {
-  const TagRanges ranges = most_ranges(epoch_, tags_, *anchors_, estimator_.range);
+  const TagRanges ranges = most_ranges(epoch_, tags_, *anchors_, config_.estimator.range);
   if (ranges.rows() < 3) {
     waiting_for_ = ranges.rows() == 0
                        ? kNoneKnown

@@ -69,14 +69,9 @@ auto of(const Tracker& tracker, const Call& call) {
 
 }  // namespace
 
-RecoveringEkf::RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
-                             std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
-                             LandmarkSensor landmarks)
+RecoveringEkf::RecoveringEkf(const Config& config, const World& world)
     : recipe_(std::make_shared<const Recipe>(Recipe{
-          config,
-          Initializer(config.start, config.estimator, anchors, tags, std::move(matcher), landmarks,
-                      config.tag_conditioner),
-          std::move(anchors), std::move(tags), std::move(landmarks),
+          config, Initializer(config.start, world), world,
           config.restart && (!config.tracker ||
                              std::holds_alternative<TagTriangleEkf::Config>(*config.tracker))})),
       start_(recipe_->fresh),
@@ -100,16 +95,15 @@ Tracker RecoveringEkf::tracker_at(const PoseEstimate& start, const Initializer& 
   }
   Tracker tracker = [&]() -> Tracker {
     if (const auto* mapping = std::get_if<LandmarkEkf::Config>(&*config.tracker)) {
-      return LandmarkEkf(*mapping, start, recipe_->landmarks.T_body_sensor, config.known);
+      return LandmarkEkf(*mapping, recipe_->world, start);
     }
     if (const auto* air = std::get_if<AirEkf::Config>(&*config.tracker)) {
       AirEstimate in_space{start.stamp, start.pose, config.start_height};
       in_space.covariance.topLeftCorner<3, 3>() = start.covariance;
       in_space.covariance(3, 3) = config.sigma_start_height * config.sigma_start_height;
-      return AirEkf(*air, recipe_->anchors, recipe_->tags, in_space, recipe_->landmarks);
+      return AirEkf(*air, recipe_->world, in_space);
     }
-    return TagTriangleEkf(std::get<TagTriangleEkf::Config>(*config.tracker), recipe_->tags, start,
-                          recipe_->anchors);
+    return TagTriangleEkf(std::get<TagTriangleEkf::Config>(*config.tracker), recipe_->world, start);
   }();
   if (const std::optional<Message> rest = found.odometry_from(start.stamp)) {
     of(tracker, [&](auto& ekf) { return ekf.on(*rest); });
@@ -123,7 +117,7 @@ Initializer RecoveringEkf::fresh() const {
     anew.use_gaussian_sum();
   }
   if (control_) {
-    anew.on(*control_);
+    std::visit([&anew](const auto& u) { anew.on(u); }, *control_);
   } else if (tracker_ && !recipe_->config.tracker) {
     anew.expect_motion();
   }
@@ -227,7 +221,7 @@ Outcome RecoveringEkf::drive(const M& u) {
 }
 
 Outcome RecoveringEkf::fuse_conditioned(const PositionFix& z) {
-  if (!is_plausible(z, recipe_->config.estimator.limits)) {
+  if (!is_plausible(z, recipe_->config.start.estimator.limits)) {
     return {Verdict::kImplausible};
   }
   const ConditionedFix result = conditioner_->on(z);

@@ -107,23 +107,36 @@ def build_switching_config(switch: Switch) -> _core.SwitchingMclConfig:
     return config
 
 
-def build_recovering_config(config: RunConfig) -> _core.RecoveringEkfConfig:
-    """Return a filter that starts by itself and reports when it is lost, as a run configures it."""
-    recovering = _core.RecoveringEkfConfig()
-    recovering.estimator = build_estimator_config(config.estimator)
+def build_start_config(config: RunConfig) -> _core.InitializerConfig:
+    """Return a search for a start and its pose EKF, as a run configures them."""
+    start = build_initializer_config(config.initializer, config.start)
+    start.estimator = build_estimator_config(config.estimator)
     if config.mcl is not None:
-        recovering.estimator.pose.shares_odometry = True
+        start.estimator.pose.shares_odometry = True
+    start.tag_conditioner = build_tag_conditioner_config(config.tag_conditioner)
+    return start
+
+
+def build_recovering_config(
+    config: RunConfig, known: Sequence[_core.KnownLandmark] = ()
+) -> _core.RecoveringEkfConfig:
+    """Return a filter that starts by itself and reports when it is lost, as a run configures it.
+
+    One that maps begins with `known` landmarks.
+    """
+    recovering = _core.RecoveringEkfConfig()
     if config.estimator.kind == "landmark_slam":
-        recovering.tracker = build_landmark_config(config.estimator)
+        tracker = build_landmark_config(config.estimator)
+        tracker.known = list(known)
+        recovering.tracker = tracker
     elif config.estimator.filter == "tag_triangle":
         recovering.tracker = build_triangle_config(config.estimator)
     elif config.estimator.kind == "air":
         recovering.tracker = build_air_config(config.estimator)
         recovering.start_height = config.estimator.air.start_height_m
         recovering.sigma_start_height = config.estimator.air.sigma_start_height_m
-    recovering.start = build_initializer_config(config.initializer, config.start)
+    recovering.start = build_start_config(config)
     recovering.health = build_health_config(config.health)
-    recovering.tag_conditioner = build_tag_conditioner_config(config.tag_conditioner)
     recovering.restart = config.when_lost == "restart"
     return recovering
 

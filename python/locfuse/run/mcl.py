@@ -143,12 +143,12 @@ def mcl_on(
     assert config.mcl is not None
     settings = build_mcl_config(config.mcl, config.estimator, config.seed)
     settings.health = build_health_config(config.health)
-    mcl = _core.Mcl(settings, grid, begin_ns, *radios, landmarks)
+    mcl = _core.Mcl(settings, _core.World(*radios, landmarks, grid), begin_ns)
     if start is not None:
         mcl.start_at([_core.PoseHypothesis(start)])
     if config.mcl.switch is None:
         return mcl
-    uwb = _core.RecoveringEkf(build_recovering_config(config), *radios)
+    uwb = _core.RecoveringEkf(build_recovering_config(config), _core.World(*radios))
     if start is not None:
         uwb.start_at(start)
     return _core.SwitchingMcl(build_switching_config(config.mcl.switch), mcl, uwb)

@@ -9,11 +9,7 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import (
-    build_estimator_config,
-    build_initializer_config,
-    build_tag_conditioner_config,
-)
+from locfuse.config.build import build_start_config
 from locfuse.config.schema import RunConfig, StartSigma
 from locfuse.eval.errors import LONGEST_GAP_S, interpolate
 from locfuse.run.messages import Messages
@@ -160,15 +156,8 @@ def start_from_nothing(
     require_headings(config, log)
     scans = scans_of(log)
     matcher = matcher_of(log) if scans else None
-    initializer = _core.Initializer(
-        build_initializer_config(config.initializer, config.start),
-        build_estimator_config(config.estimator),
-        anchors,
-        list(tags),
-        matcher,
-        landmarks,
-        build_tag_conditioner_config(config.tag_conditioner),
-    )
+    world = _core.World(anchors, list(tags), landmarks, matcher=matcher)
+    initializer = _core.Initializer(build_start_config(config), world)
     run = _core.find_start(initializer, messages, scans if matcher is not None else [])
     state = initializer.state()
     if state.status != _core.StartStatus.READY:

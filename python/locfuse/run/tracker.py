@@ -40,15 +40,16 @@ def recovering_ekf(
     if kind == "tag_triangle" and len(tags) != TRIANGLE:
         raise LogError(f"estimator.kind 'tag_triangle' needs {TRIANGLE} tags, the log places "
                        f"{list(world.tags)}; {how_to_add(world, 'tags')}")  # fmt: skip
-    settings = build_recovering_config(config)
+    known: list[_core.KnownLandmark] = []
     if kind == "landmark_slam" and config.estimator.landmark_slam.use_map:
-        settings.known = known_landmarks(world, landmark_names)
+        known = known_landmarks(world, landmark_names)
+    settings = build_recovering_config(config, known)
     if start_height is not None:
         settings.start_height = start_height
     try:
-        return _core.RecoveringEkf(settings, anchors, list(tags),
-                                   matcher_of(world) if matches_scans else None,
-                                   landmark_sight(world, landmark_names))  # fmt: skip
+        return _core.RecoveringEkf(settings, _core.World(
+            anchors, list(tags), landmark_sight(world, landmark_names),
+            matcher=matcher_of(world) if matches_scans else None))  # fmt: skip
     except ValueError as error:
         if kind != "tag_triangle":
             raise

@@ -96,8 +96,7 @@ class Node {
     locfuse::PoseEkf::Config config;
     config.range.sigma_m = own.param("sigma_range_m", config.range.sigma_m);
     return {config,
-            std::make_shared<const locfuse::AnchorMap>(std::move(anchors)),
-            std::move(tags),
+            {std::make_shared<const locfuse::AnchorMap>(std::move(anchors)), std::move(tags)},
             {0, {start[0], start[1], start[2] * kDegree}, variances.asDiagonal()}};
   }
 

@@ -11,7 +11,7 @@ int main() {
   for (const Eigen::Vector3d& position : anchors) {
     map.push_back({static_cast<locfuse::Id>(map.size()), position});
   }
-  locfuse::PoseEkf ekf({}, std::make_shared<locfuse::AnchorMap>(map), {locfuse::Tag{}},
+  locfuse::PoseEkf ekf({}, {std::make_shared<locfuse::AnchorMap>(map), {locfuse::Tag{}}},
                        {0, {3.3, 3.8, 0.0}, locfuse::Matrix<3, 3>::Identity()});
   for (int round = 1; round <= 20; ++round) {
     for (const locfuse::Anchor& anchor : map) {

@@ -33,7 +33,7 @@ Ends ends_of(const PoseEkf::Config& config) {
   Ends ends;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     const testing::Simulation run = testing::simulate(seed, 60.0);
-    PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+    PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, run.start);
     for (const Message& message : run.messages) {
       ekf.on(message);
     }
@@ -73,7 +73,7 @@ TEST(AdaptiveNoise, keeps_between_its_limits) {
 
 TEST(AdaptiveNoise, what_is_not_fused_says_nothing) {
   const testing::Simulation run = testing::simulate(1, 1.0);
-  PoseEkf ekf(config_with(kSigma, 20.0), testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(config_with(kSigma, 20.0), {testing::hall(), testing::one_tag()}, run.start);
   const PoseEkf before = ekf;
   EXPECT_EQ(ekf.on(Range{run.start.stamp, 0, 0, 90.0, {}}).verdict, Verdict::kGated);
   EXPECT_EQ(ekf.adaptive().factor(Source::kRanges), 1.0);
@@ -82,7 +82,7 @@ TEST(AdaptiveNoise, what_is_not_fused_says_nothing) {
 
 TEST(AdaptiveNoise, each_kind_has_a_factor_of_its_own_and_a_model_of_the_callers_none) {
   const testing::Simulation run = testing::simulate(1, 1.0);
-  PoseEkf ekf(config_with(kSigma, 20.0), testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(config_with(kSigma, 20.0), {testing::hall(), testing::one_tag()}, run.start);
   const Pose2 at = ekf.current().pose;
   ekf.on(PositionFix{0, at.position(), 0.01 * Matrix<2, 2>::Identity()});
   EXPECT_LT(ekf.adaptive().factor(Source::kPositions), 1.0);  // no innovation at all

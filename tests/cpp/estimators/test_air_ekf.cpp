@@ -133,8 +133,8 @@ TEST(AirEkf, a_position_of_a_tag_is_one_of_an_antenna_there) {
   AirEkf::Config config;
   config.position = {0.3, -0.2};
   const AirEstimate start = start_at({1.0, 2.0, 0.5}, 3.0);
-  AirEkf antenna(config, testing::hall(), testing::one_tag(), start);
-  AirEkf tag({}, testing::hall(), testing::one_tag(), start);
+  AirEkf antenna(config, {testing::hall(), testing::one_tag()}, start);
+  AirEkf tag({}, {testing::hall(), testing::one_tag()}, start);
   PositionFix z{0, {1.2, 1.9}, 0.04 * Matrix<2, 2>::Identity()};
   antenna.on(z);
   z.tag = 0;
@@ -155,8 +155,8 @@ TEST(AirEkf, at_a_known_height_is_the_filter_of_the_plane) {
   AirEstimate start{0, run.start.pose, 0.0, Matrix<4, 4>::Zero()};
   start.covariance.topLeftCorner<3, 3>() = run.start.covariance;
   start.covariance(3, 3) = 1e-16;
-  PoseEkf expected(plane, testing::hall(), testing::one_tag(), run.start);
-  AirEkf ekf(space, testing::hall(), testing::one_tag(), start);
+  PoseEkf expected(plane, {testing::hall(), testing::one_tag()}, run.start);
+  AirEkf ekf(space, {testing::hall(), testing::one_tag()}, start);
   for (const Message& message : run.messages) {
     expected.on(message);
     if (const auto* u = std::get_if<Increment>(&message)) {

@@ -116,11 +116,7 @@ class Robot {
 
 PoseEkf started(const PoseEkf::Config& config) {
   const Vector<3> sigma(0.1, 0.1, 0.05);
-  return {config,
-          std::make_shared<AnchorMap>(),
-          {},
-          {0, {}, sigma.cwiseAbs2().asDiagonal()},
-          {posts(), kMount}};
+  return {config, {{}, {}, {posts(), kMount}}, {0, {}, sigma.cwiseAbs2().asDiagonal()}};
 }
 
 struct Result {

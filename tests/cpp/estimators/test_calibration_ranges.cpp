@@ -102,7 +102,7 @@ class Robot {
 
 PoseEkf started(const PoseEkf::Config& config) {
   const Vector<3> sigma(0.1, 0.1, 0.05);
-  return {config, testing::hall(), testing::one_tag(), {0, {}, sigma.cwiseAbs2().asDiagonal()}};
+  return {config, {testing::hall(), testing::one_tag()}, {0, {}, sigma.cwiseAbs2().asDiagonal()}};
 }
 
 PoseEkf driven(Robot& robot, const PoseEkf::Config& config, int steps, double speed = 1.0) {
@@ -261,8 +261,7 @@ TEST(RangeCalibration, without_anchors_no_offset_wanders) {
   PoseEkf::Config config;
   config.calibration.sigma_anchor_offset_m = kSigmaOffset;
   config.calibration.anchor_offset_correlation_s = 5.0;
-  PoseEkf ekf(config, std::make_shared<const AnchorMap>(), {},
-              {0, {1.0, 1.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
+  PoseEkf ekf(config, {}, {0, {1.0, 1.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
   EXPECT_EQ(ekf.on(Velocity{kStep, 0.1, 0.0}).verdict, Verdict::kFused);
   const PositionFix fix{2 * kStep, {1.0, 1.0}, Matrix<2, 2>::Identity()};
   EXPECT_EQ(ekf.on(fix).verdict, Verdict::kFused);

@@ -22,13 +22,13 @@ const Matrix<3, 3> kP = 0.01 * Matrix<3, 3>::Identity();
 
 AirEkf air() {
   return {
-      {}, testing::hall(), testing::one_tag(), {0, kStart, 1.0, 0.01 * Matrix<4, 4>::Identity()}};
+      {}, {testing::hall(), testing::one_tag()}, {0, kStart, 1.0, 0.01 * Matrix<4, 4>::Identity()}};
 }
 
-LandmarkEkf landmarks() { return {{}, {0, kStart, kP}}; }
+LandmarkEkf landmarks() { return {{}, {}, {0, kStart, kP}}; }
 
 TagTriangleEkf triangle(const TagTriangleEkf::Config& config = {}) {
-  return {config, testing::triangle(), PoseEstimate{0, kStart, kP}, testing::hall()};
+  return {config, {testing::hall(), testing::triangle()}, PoseEstimate{0, kStart, kP}};
 }
 
 /// Of the first tag of the triangle, or of the antenna.
@@ -125,7 +125,7 @@ TEST(Edge, a_pose_of_no_spread_at_all_is_believed_to_a_millimetre) {
 
 TEST(Edge, an_initializer_starts_from_nothing_that_tells_nothing) {
   const auto is_used = [](const auto& message) {
-    Initializer start({}, {}, testing::hall(), testing::one_tag(), nullptr);
+    Initializer start({}, {testing::hall(), testing::one_tag()});
     start.on(message);
     return !start.state().hypotheses.empty();
   };

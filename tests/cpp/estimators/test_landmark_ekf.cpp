@@ -42,9 +42,14 @@ RangeBearing named(RangeBearing z, Id id) {
   return z;
 }
 
+LandmarkEkf::Config knowing(std::vector<KnownLandmark> known, LandmarkEkf::Config config = {}) {
+  config.known = std::move(known);
+  return config;
+}
+
 LandmarkEkf ekf_at(const Pose2& pose, const LandmarkEkf::Config& config = {},
                    const std::vector<KnownLandmark>& known = {}) {
-  return {config, {0, pose, 1e-4 * kI3}, kMount, known};
+  return {knowing(known, config), testing::sensor_at(kMount), {0, pose, 1e-4 * kI3}};
 }
 
 bool same(const LandmarkEkf& a, const LandmarkEkf& b) {
@@ -150,7 +155,7 @@ TEST(LandmarkEkf, errors_of_pose_and_landmarks_are_as_large_as_it_believes) {
   int rows = 0;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     const Loop loop = drive(seed, 1.3);
-    LandmarkEkf ekf(well_informed(), loop.start, kMount);
+    LandmarkEkf ekf(well_informed(), testing::sensor_at(kMount), loop.start);
     for (std::size_t i = 0; i < loop.motions.size(); ++i) {
       ekf.on(loop.motions[i]);
       for (const Outcome& outcome : ekf.on_joint(loop.sightings[i])) {
@@ -226,7 +231,7 @@ TEST(LandmarkEkf, finds_out_by_itself_which_landmark_is_which) {
     LandmarkEkf::Config config = well_informed();
     config.gate_landmark = 0.999;
     config.gate_new = 0.9999999;
-    LandmarkEkf ekf(config, loop.start, kMount);
+    LandmarkEkf ekf(config, testing::sensor_at(kMount), loop.start);
     for (std::size_t i = 0; i < loop.motions.size(); ++i) {
       ekf.on(loop.motions[i]);
       std::vector<RangeBearing> seen = loop.sightings[i];
@@ -252,7 +257,7 @@ TEST(LandmarkEkf, finds_out_by_itself_which_landmark_is_which) {
 
 TEST(LandmarkEkf, closing_a_loop_shrinks_the_covariance_of_every_landmark) {
   const Loop loop = drive(1, 0.6);
-  LandmarkEkf ekf(well_informed(), loop.start, kMount);
+  LandmarkEkf ekf(well_informed(), testing::sensor_at(kMount), loop.start);
   for (std::size_t i = 0; i < loop.motions.size(); ++i) {
     ekf.on(loop.motions[i]);
     std::vector<RangeBearing> seen = loop.sightings[i];
@@ -292,9 +297,11 @@ TEST(LandmarkEkf, is_a_pose_ekf_where_all_landmarks_are_exact) {
   same_config.odometry = config.odometry;
   same_config.landmark = config.landmark;
   const Loop loop = drive(7, 1.0);
-  LandmarkEkf ekf(config, loop.start, kMount, known);
-  PoseEkf peer(same_config, testing::hall(), testing::one_tag(), loop.start,
-               {std::make_shared<LandmarkMap>(places), kMount});
+  LandmarkEkf ekf(knowing(known, config), testing::sensor_at(kMount), loop.start);
+  PoseEkf peer(
+      same_config,
+      {testing::hall(), testing::one_tag(), {std::make_shared<LandmarkMap>(places), kMount}},
+      loop.start);
   for (std::size_t i = 0; i < loop.motions.size(); ++i) {
     ekf.on(loop.motions[i]);
     peer.on(loop.motions[i]);
@@ -380,7 +387,8 @@ TEST(LandmarkEkf, between_the_gates_a_sighting_is_dropped_and_beyond_them_it_is_
   const Vector<2> place(4.0, 5.0);
   LandmarkEkf::Config config;
   config.landmark = {0.1, 0.02};
-  LandmarkEkf ekf(config, {0, kStart, 1e-10 * kI3}, kMount, {{1, place, {}}});
+  LandmarkEkf ekf(knowing({{1, place, {}}}, config), testing::sensor_at(kMount),
+                  {0, kStart, 1e-10 * kI3});
   RangeBearing z = sight(kStart, place);
   const double exact = *z.range;
   const auto off_by = [&](double sigmas) {
@@ -495,7 +503,8 @@ TEST(LandmarkEkf, a_landmark_whose_covariance_has_no_digits_takes_none_of_the_ot
   int not_modelled = 0;
   for (int k = 0; k < 20; ++k) {
     const Matrix<3, 3> P = Vector<3>(1e-12, 1e-12, 100.0).asDiagonal();
-    LandmarkEkf ekf({}, {0, {}, P}, Pose2{0.2, 0.0, 0.1}, {{0, {4.0, 3.0}, {}}});
+    LandmarkEkf ekf(knowing({{0, {4.0, 3.0}, {}}}), testing::sensor_at({0.2, 0.0, 0.1}),
+                    {0, {}, P});
     RangeBearing near;
     near.landmark = 0;
     near.range = std::hypot(3.8, 3.0);
@@ -609,11 +618,11 @@ TEST(LandmarkEkf, refuses_a_config_that_makes_no_sense) {
       "landmark 1 is given twice");
   expect_refused([] { (void)ekf_at(kStart, {}, {{1, {std::nan(""), 0.0}, {}}}); }, "not finite");
   expect_refused([] { (void)ekf_at(kStart, {}, {{1, {0.0, 0.0}, -kI2}}); }, "landmark 1");
-  expect_refused([] { (void)LandmarkEkf({}, {0, kStart, -kI3}); }, "body");
+  expect_refused([] { (void)LandmarkEkf({}, {}, {0, kStart, -kI3}); }, "body");
 }
 
 TEST(LandmarkEkf, positions_correct_the_pose_and_what_was_seen_from_it) {
-  LandmarkEkf ekf(LandmarkEkf::Config{}, {0, kStart, 0.25 * kI3}, kMount);
+  LandmarkEkf ekf(LandmarkEkf::Config{}, testing::sensor_at(kMount), {0, kStart, 0.25 * kI3});
   const Vector<2> place(4.0, 5.0);
   ekf.on(named(sight(kStart, place), 1));
   const PositionFix fix{0, kStart.position() + Vector<2>(0.5, 0.0), 1e-4 * kI2};
@@ -645,7 +654,7 @@ TEST(LandmarkEkf, late_messages_of_a_replay_are_fused_where_they_belong) {
   const Loop loop = drive(3, 1.0);
   LandmarkEkf::Config config = well_informed();
   config.gate_landmark = config.gate_new = 0.9999999;
-  const LandmarkEkf start(config, loop.start, kMount);
+  const LandmarkEkf start(config, testing::sensor_at(kMount), loop.start);
   Timeline<LandmarkEkf> in_order(start, kSecond);
   Timeline<LandmarkEkf> late(start, kSecond);
   const auto ignore = [](std::size_t, const Outcome&) {};
@@ -673,12 +682,12 @@ TEST(LandmarkEkf, late_messages_of_a_replay_are_fused_where_they_belong) {
 /// Where a matrix has room to grow depends on its size alone: else sums are rounded otherwise.
 TEST(LandmarkEkf, goes_on_with_the_same_bits_after_it_was_put_back_into_a_larger_one) {
   const auto place = [](int i) { return Vector<2>(4.0 + 2.0 * i, (i % 3) - 1.0); };
-  LandmarkEkf larger({}, {0, kStart, 0.01 * kI3}, kMount);
+  LandmarkEkf larger({}, testing::sensor_at(kMount), {0, kStart, 0.01 * kI3});
   for (int i = 0; i < 30; ++i) {
     larger.on(named(sight(kStart, place(i)), i));
   }
   for (int landmarks = 0; landmarks < 20; ++landmarks) {
-    LandmarkEkf grown({}, {0, kStart, 0.01 * kI3}, kMount);
+    LandmarkEkf grown({}, testing::sensor_at(kMount), {0, kStart, 0.01 * kI3});
     for (int i = 0; i < landmarks; ++i) {
       grown.on(named(sight(kStart, place(i)), i));
     }

@@ -26,7 +26,7 @@ TEST(PoseEkf, allocates_nothing_per_message) {
   testing::Simulation run = testing::simulate(1, 40.0);
   run.messages.push_back(Velocity{40 * testing::kSecond, 1.0, 0.1});
   ASSERT_GT(run.messages.size(), 1000U);
-  PoseEkf ekf(PoseEkf::Config{}, testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(PoseEkf::Config{}, {testing::hall(), testing::one_tag()}, run.start);
   const PositionFix fix{0, {0.0, 0.0}, 100.0 * Matrix<2, 2>::Identity()};
   const PoseObservation pose{0, {}, 100.0 * Matrix<3, 3>::Identity()};
   int fused = 0;
@@ -50,7 +50,7 @@ TEST(PoseEkf, allocates_nothing_for_robust_updates) {
     PoseEkf::Config config;
     config.robust_range = kind;
     config.robust_position = config.robust_pose = NoiseKind::kStudentT;
-    PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+    PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, run.start);
     const std::size_t before = allocations();
     for (const Message& message : run.messages) {
       ekf.on(message);

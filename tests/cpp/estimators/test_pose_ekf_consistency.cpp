@@ -36,7 +36,7 @@ Consistency measure(const PoseEkf::Config& config) {
   Consistency result;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     const testing::Simulation run = testing::simulate(seed, 20.0);
-    PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+    PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, run.start);
     for (const Message& message : run.messages) {
       const Outcome outcome = ekf.on(message);
       if (outcome.dof == 1) {
@@ -98,7 +98,7 @@ double nees_where_errors_last(double seconds, double reported, double correlatio
       error = testing::normal(rng, 0.1);
     }
     const double kept = seconds > 0.0 ? std::exp(-0.2 / seconds) : 0.0;
-    PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+    PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, run.start);
     for (Message& message : run.messages) {
       if (Range* z = std::get_if<Range>(&message); z != nullptr && seconds > 0.0) {
         double& error = lasting.at(are_common ? 0 : static_cast<std::size_t>(z->anchor));
@@ -118,7 +118,7 @@ double nees_where_errors_last(double seconds, double reported, double correlatio
 
 TEST(PoseEkf, what_is_gated_leaves_the_reported_covariance_as_it_was) {
   const testing::Simulation run = testing::simulate(1, 20.0);
-  PoseEkf ekf(PoseEkf::Config{}, testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(PoseEkf::Config{}, {testing::hall(), testing::one_tag()}, run.start);
   for (const Message& message : run.messages) {
     ekf.on(message);
     const Stamp later = ekf.estimate().stamp + 100'000'000;
@@ -174,7 +174,7 @@ double nees_of_standing(double correlation_s) {
     for (double& error : stays) {
       error = testing::normal(rng, 0.1);
     }
-    PoseEkf ekf(config, testing::hall(), testing::one_tag(), start);
+    PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, start);
     for (int k = 1; k <= 1500; ++k) {
       const Stamp stamp = k * testing::kSecond / 5;
       ekf.on(Velocity{stamp, 0.0, 0.0});

@@ -35,7 +35,8 @@ Compared compare(bool shares_odometry, bool has_ranges) {
   Compared mean;
   for (std::uint64_t seed = 1; seed <= kDrives; ++seed) {
     const testing::Simulation run = testing::simulate(seed, kDriven_s);
-    const PoseEkf fresh(settings(shares_odometry), testing::hall(), testing::one_tag(), run.start);
+    const PoseEkf fresh(settings(shares_odometry), {testing::hall(), testing::one_tag()},
+                        run.start);
     PoseEkf localizer = fresh;
     PoseEkf alone = fresh;
     PoseEkf fused = fresh;
@@ -88,7 +89,7 @@ TEST(PoseEkfIntersection, is_no_worse_than_the_better_part_where_there_are_other
 
 TEST(PoseEkfIntersection, gates_what_is_elsewhere_and_changes_nothing_then) {
   const testing::Simulation run = testing::simulate(1, 5.0);
-  PoseEkf ekf(settings(true), testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(settings(true), {testing::hall(), testing::one_tag()}, run.start);
   for (const Message& message : run.messages) {
     ekf.on(message);
   }
@@ -106,10 +107,10 @@ TEST(PoseEkfIntersection, gates_what_is_elsewhere_and_changes_nothing_then) {
 
 TEST(PoseEkfIntersection, a_pose_without_heading_is_fused_as_before) {
   const testing::Simulation run = testing::simulate(2, 5.0);
-  PoseEkf shared(settings(true), testing::hall(), testing::one_tag(), run.start);
+  PoseEkf shared(settings(true), {testing::hall(), testing::one_tag()}, run.start);
   PoseEkf::Config config = settings(true);
   config.pose.shares_odometry = false;
-  PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+  PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, run.start);
   Matrix<3, 3> covariance = 0.01 * Matrix<3, 3>::Identity();
   covariance(2, 2) = 1e6;  // as drivers say that an axis is not measured
   const PoseObservation z{run.start.stamp + kEvery, run.start.pose, covariance};

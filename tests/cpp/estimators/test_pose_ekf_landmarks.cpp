@@ -30,7 +30,7 @@ const std::shared_ptr<const LandmarkMap>& posts() {
 }
 
 PoseEkf ekf_at(const PoseEstimate& start, const PoseEkf::Config& config) {
-  return {config, std::make_shared<AnchorMap>(), {}, start, {posts(), kMount}};
+  return {config, {{}, {}, {posts(), kMount}}, start};
 }
 
 PoseEkf ekf_at(const Pose2& pose, const PoseEkf::Config& config = {}) {
@@ -174,8 +174,7 @@ TEST(PoseEkf, sightings_together_tell_where_each_alone_is_of_the_wrong_landmark)
   const auto map = std::make_shared<const LandmarkMap>(ring);
   const Vector<3> sigma(0.05, 0.05, 0.5);
   const Pose2 body{0.0, 0.0, 0.35};
-  const PoseEkf start({}, std::make_shared<AnchorMap>(), {},
-                      {0, {}, sigma.cwiseAbs2().asDiagonal()}, {map, kMount});
+  const PoseEkf start({}, {{}, {}, {map, kMount}}, {0, {}, sigma.cwiseAbs2().asDiagonal()});
   std::vector<RangeBearing> sightings;
   for (const Landmark& post : ring) {
     sightings.push_back(sighting(body, post, 0, false));
@@ -210,7 +209,7 @@ TEST(PoseEkf, what_fits_no_landmark_changes_nothing) {
 }
 
 TEST(PoseEkf, without_a_map_of_landmarks_a_sighting_is_not_modelled) {
-  PoseEkf ekf({}, std::make_shared<AnchorMap>(), {}, {0, {}, Matrix<3, 3>::Identity()});
+  PoseEkf ekf({}, {}, {0, {}, Matrix<3, 3>::Identity()});
   const RangeBearing z = sighting({}, posts()->landmarks()[0], 0, false);
   EXPECT_EQ(ekf.on(z).verdict, Verdict::kNotModelled);
   EXPECT_EQ(ekf.on_joint({z}).front().verdict, Verdict::kNotModelled);
@@ -237,7 +236,7 @@ TEST(PoseEkf, refuses_sightings_that_are_none) {
 
 TEST(Initializer, sightings_choose_among_the_poses_that_fit) {
   const Pose2 body{0.5, -0.3, 0.2};
-  Initializer initializer({}, {}, std::make_shared<AnchorMap>(), {}, nullptr, {posts(), kMount});
+  Initializer initializer({}, {{}, {}, {posts(), kMount}});
   initializer.on(sighting(body, posts()->landmarks()[0], 0));  // before there is any pose
   initializer.on(PositionFix{0, body.position(), 0.04 * Matrix<2, 2>::Identity()});
   EXPECT_NE(initializer.state().status, StartStatus::kReady);

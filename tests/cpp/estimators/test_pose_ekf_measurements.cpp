@@ -41,7 +41,7 @@ TEST(PoseEkf, a_range_pulls_as_the_textbook_says) {
 }
 
 TEST(PoseEkf, each_range_of_an_epoch_is_linearized_where_the_one_before_led) {
-  PoseEkf ekf({}, testing::hall(), testing::one_tag(),
+  PoseEkf ekf({}, {testing::hall(), testing::one_tag()},
               {0, kStart, Matrix<3, 3>(Vector<3>(4.0, 4.0, 0.1).asDiagonal())});
   for (const Id anchor : {0, 1, 2, 3}) {
     const Range z = range_to(anchor, {2.0, 0.5, 0.3}, 0);
@@ -55,7 +55,7 @@ TEST(PoseEkf, each_range_of_an_epoch_is_linearized_where_the_one_before_led) {
 }
 
 TEST(PoseEkf, a_position_as_sure_as_the_belief_goes_half_way) {
-  PoseEkf ekf({}, testing::hall(), {}, {0, {1.0, 2.0, 0.5}, Matrix<3, 3>::Identity()});
+  PoseEkf ekf({}, {testing::hall()}, {0, {1.0, 2.0, 0.5}, Matrix<3, 3>::Identity()});
   EXPECT_EQ(ekf.on(PositionFix{0, {2.0, 1.0}, Matrix<2, 2>::Identity()}).verdict, Verdict::kFused);
   expect_pose_near(ekf.pose(), {1.5, 1.5, 0.5}, 1e-15);
   expect_near(ekf.belief().P, Matrix<3, 3>(Vector<3>(0.5, 0.5, 1.0).asDiagonal()), 1e-15);
@@ -77,7 +77,7 @@ TEST(PoseEkf, three_tags_of_an_rtls_are_rigid_and_tell_pose_and_heading) {
   const Pose2 truth{2.0, 1.0, 0.7};
   const double sigma = 0.1;
   const Vector<3> vague(9.0, 9.0, 1.0);
-  PoseEkf ekf({}, testing::hall(), tags, {0, {1.5, 1.5, 0.5}, vague.asDiagonal()});
+  PoseEkf ekf({}, {testing::hall(), tags}, {0, {1.5, 1.5, 0.5}, vague.asDiagonal()});
   for (int epoch = 0; epoch < 200; ++epoch) {
     for (const Tag& tag : tags) {
       const PositionFix z{0, truth.act(tag.position.head<2>()),
@@ -101,7 +101,7 @@ TEST(PoseEkf, a_position_of_an_unknown_tag_changes_nothing) {
 
 TEST(Initializer, positions_of_tags_start_and_tell_the_heading) {
   const std::vector<Tag> tags = {{1, {0.5, 0.0, 1.0}}, {2, {-0.5, 0.0, 1.0}}};
-  Initializer initializer({}, {}, std::make_shared<AnchorMap>(), tags, nullptr);
+  Initializer initializer({}, {{}, tags});
   const Pose2 truth{2.0, 1.0, 2.5};
   const Matrix<2, 2> R = 0.0004 * Matrix<2, 2>::Identity();
   initializer.on(PositionFix{0, {9.0, 9.0}, R, 5});  // of a tag that nobody knows
@@ -117,7 +117,7 @@ TEST(Initializer, positions_of_tags_start_and_tell_the_heading) {
 }
 
 TEST(PoseEkf, a_pose_across_the_cut_turns_the_short_way) {
-  PoseEkf ekf({}, testing::hall(), {}, {0, {0.0, 0.0, kPi - 0.1}, Matrix<3, 3>::Identity()});
+  PoseEkf ekf({}, {testing::hall()}, {0, {0.0, 0.0, kPi - 0.1}, Matrix<3, 3>::Identity()});
   const PoseObservation z{0, {1.0, -1.0, -kPi + 0.3}, Matrix<3, 3>::Identity()};
   EXPECT_EQ(ekf.on(z).verdict, Verdict::kFused);
   expect_pose_near(ekf.pose(), {0.5, -0.5, -kPi + 0.1}, 1e-15);

@@ -256,7 +256,7 @@ TEST(PoseEkf, a_hold_longer_than_any_clock_lasts) {
     PoseEkf::Config config;
     config.hold_s = hold;
     const Stamp now = 1'700'000'000 * kSecond;  // since 1970
-    PoseEkf ekf(config, testing::hall(), {}, {now, kStart, Matrix<3, 3>::Identity()});
+    PoseEkf ekf(config, {testing::hall()}, {now, kStart, Matrix<3, 3>::Identity()});
     ekf.on(Velocity{now, 0.001, 0.0});
     EXPECT_NEAR((ekf.estimate(now + 10'000 * kSecond).pose.position() - kStart.position()).norm(),
                 10.0, 1e-9);

@@ -198,7 +198,7 @@ TEST(PoseEkf, refuses_a_config_out_of_range) {
 
 TEST(PoseEkf, refuses_a_start_that_is_none) {
   const auto start = [](const Pose2& pose, const Matrix<3, 3>& covariance) {
-    (void)PoseEkf({}, testing::hall(), {}, {0, pose, covariance});
+    (void)PoseEkf({}, {testing::hall()}, {0, pose, covariance});
   };
   expect_refused([&] { start({std::nan(""), 0.0, 0.0}, kI3); }, "nan");
   expect_refused([&] { start(kStart, Matrix<3, 3>::Zero()); }, "positive definite");

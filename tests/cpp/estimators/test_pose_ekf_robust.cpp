@@ -69,7 +69,7 @@ Result measure(const PoseEkf::Config& config, const Draw& draw) {
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     testing::Simulation run = testing::simulate(seed, 20.0, noise);
     Rng rng(1000 + seed);
-    PoseEkf ekf(config, testing::hall(), testing::one_tag(), run.start);
+    PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, run.start);
     for (Message& message : run.messages) {
       if (auto* z = std::get_if<Range>(&message)) {
         z->range = std::max(0.01, z->range + 0.1 * draw(rng));
@@ -151,7 +151,7 @@ TEST(RobustPoseEkf, refuses_what_has_no_long_side) {
 TEST(RobustPoseEkf, a_fix_after_an_exact_range_leaves_a_covariance) {
   PoseEkf::Config config;
   config.robust_position = NoiseKind::kCauchy;
-  const PoseEkf prototype(config, testing::hall(), testing::one_tag(),
+  const PoseEkf prototype(config, {testing::hall(), testing::one_tag()},
                           {0, {}, Matrix<3, 3>::Identity()});
   for (double a = -3.0; a < 3.0; a += 0.01) {
     PoseEkf ekf =

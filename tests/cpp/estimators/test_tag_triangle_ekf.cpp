@@ -24,7 +24,7 @@ const Matrix<2, 2> kR = 0.0225 * Matrix<2, 2>::Identity();
 
 TagTriangleEkf ekf_at(const Pose2& pose, const TagTriangleEkf::Config& config = {},
                       std::shared_ptr<const AnchorMap> anchors = nullptr) {
-  return {config, triangle(), PoseEstimate{0, pose, kP}, std::move(anchors)};
+  return {config, {std::move(anchors), triangle()}, PoseEstimate{0, pose, kP}};
 }
 
 Vector<2> tag_at(const Pose2& pose, int tag) {
@@ -56,7 +56,7 @@ TEST(TagTriangleEkf, starts_from_a_pose_with_the_tags_where_it_has_them) {
 TEST(TagTriangleEkf, starts_from_three_fixes_in_any_order_and_fuses_the_sides) {
   std::vector<PositionFix> fixes = epoch_at(kPose, 7);
   std::swap(fixes[0], fixes[2]);
-  const TagTriangleEkf ekf({}, triangle(), fixes);
+  const TagTriangleEkf ekf({}, {{}, triangle()}, fixes);
   EXPECT_EQ(ekf.belief().stamp, 7);
   EXPECT_EQ(ekf.sides().verdict, Verdict::kFused);
   EXPECT_EQ(ekf.sides().dof, 3);
@@ -178,7 +178,7 @@ TEST(TagTriangleEkf, the_way_it_goes_tells_the_heading_unless_that_is_taken_as_k
 TEST(TagTriangleEkf, the_pose_is_that_of_the_rigid_fit_of_its_tags) {
   testing::Scrubber run;
   testing::drive(run, 1, 20.0);
-  TagTriangleEkf ekf({}, triangle(), run.start);
+  TagTriangleEkf ekf({}, {{}, triangle()}, run.start);
   for (const Message& message : run.messages) {
     ekf.on(message);
   }
@@ -224,8 +224,8 @@ TEST(TagTriangleEkf, ranges_of_the_tags_stand_in_for_an_rtls) {
   const auto hall = testing::hall();
   TagTriangleEkf::Config config;
   config.range.sigma_m = 0.02;
-  TagTriangleEkf ekf(config, triangle(),
-                     PoseEstimate{0, {1.7, 1.2, 0.4}, Vector<3>(0.1, 0.1, 0.1).asDiagonal()}, hall);
+  TagTriangleEkf ekf(config, {hall, triangle()},
+                     PoseEstimate{0, {1.7, 1.2, 0.4}, Vector<3>(0.1, 0.1, 0.1).asDiagonal()});
   for (int epoch = 0; epoch < 30; ++epoch) {
     const Stamp stamp = testing::at(0.1 * epoch);
     for (int tag = 0; tag < 3; ++tag) {
@@ -245,7 +245,7 @@ TEST(TagTriangleEkf, ranges_of_the_tags_stand_in_for_an_rtls) {
 }
 
 TEST(TagTriangleEkf, sides_held_without_odometry_make_tags_surer_and_the_pose_as_sure) {
-  TagTriangleEkf loose({}, triangle(), PoseEstimate{0, {3.0, 4.0, 0.1}, kP});
+  TagTriangleEkf loose({}, {{}, triangle()}, PoseEstimate{0, {3.0, 4.0, 0.1}, kP});
   TagTriangleEkf held = loose;
   for (int i = 1; i <= 40; ++i) {
     for (const PositionFix& z : epoch_at(kPose, i * kSecond)) {
@@ -301,7 +301,7 @@ TEST(TagTriangleEkf, a_message_that_is_not_valid_is_refused_and_leaves_no_trace)
 TEST(TagTriangleEkf, a_copy_is_a_snapshot) {
   testing::Scrubber run;
   testing::drive(run, 3, 10.0);
-  TagTriangleEkf ekf({}, triangle(), run.start);
+  TagTriangleEkf ekf({}, {{}, triangle()}, run.start);
   for (const Message& message : run.messages) {
     ekf.on(message);
   }
@@ -335,7 +335,7 @@ std::vector<Tag> tags_at(const Vector<2>& a, const Vector<2>& b, const Vector<2>
 TEST(TagTriangleEkf, refuses_tags_that_make_no_triangle_and_says_which) {
   const PoseEstimate start{0, kPose, kP};
   const auto with = [&](const std::vector<Tag>& tags) {
-    return [=] { TagTriangleEkf({}, tags, start); };
+    return [=] { TagTriangleEkf({}, {{}, tags}, start); };
   };
   expect_refused(with({triangle()[0], triangle()[1]}), "2 tags", "expected 3");
   expect_refused(with(tags_at({0.5, 0.1}, {-0.5, 0.2}, {0.5, 0.1})), "tag 12 and tag 10",
@@ -346,7 +346,7 @@ TEST(TagTriangleEkf, refuses_tags_that_make_no_triangle_and_says_which) {
   std::vector<Tag> twice = triangle();
   twice[2].id = 10;
   expect_refused(with(twice), "tag 10", "twice");
-  EXPECT_NO_THROW(TagTriangleEkf({}, tags_at({0.5, 0.0}, {-0.5, 0.0}, {0.1, 0.06}), start));
+  EXPECT_NO_THROW(TagTriangleEkf({}, {{}, tags_at({0.5, 0.0}, {-0.5, 0.0}, {0.1, 0.06})}, start));
 }
 
 TEST(TagTriangleEkf, refuses_sides_that_contradict_the_places_of_the_tags) {
@@ -374,7 +374,11 @@ TEST(TagTriangleEkf, refuses_a_config_out_of_range) {
   expect_refused(with([](Config& c) { c.sigma_start_velocity_mps = 0.0; }), "sigma_start_velocity");
   expect_refused(with([](Config& c) { c.gate_velocity = 0.0; }), "probability");
   expect_refused(with([](Config& c) { c.range.sigma_m = 0.0; }), "range.sigma_m");
-  expect_refused([] { TagTriangleEkf({}, triangle(), PoseEstimate{0, kPose, -kP}); }, "covariance");
+  expect_refused(
+      [] {
+        TagTriangleEkf({}, {{}, triangle()}, PoseEstimate{0, kPose, -kP});
+      },
+      "covariance");
 }
 
 TEST(TagTriangleEkf, names_the_order_of_ids_that_would_fit_a_start) {
@@ -383,18 +387,24 @@ TEST(TagTriangleEkf, names_the_order_of_ids_that_would_fit_a_start) {
     z.covariance = 0.0025 * Matrix<2, 2>::Identity();
   }
   std::swap(swapped[0].tag, swapped[1].tag);  // 11, 10, 12
-  expect_refused([&] { TagTriangleEkf({}, triangle(), swapped); }, "tags 11, 10, 12",
-                 "as tags 10, 11, 12", "swapped");
+  expect_refused(
+      [&] {
+        TagTriangleEkf({}, {{}, triangle()}, swapped);
+      },
+      "tags 11, 10, 12", "as tags 10, 11, 12", "swapped");
   std::vector<PositionFix> torn = epoch_at(kPose);
   torn[1].position.x() += 5.0;
-  expect_refused([&] { TagTriangleEkf({}, triangle(), torn); }, "nor in any other order", "10-11",
-                 "1.07");
+  expect_refused(
+      [&] {
+        TagTriangleEkf({}, {{}, triangle()}, torn);
+      },
+      "nor in any other order", "10-11", "1.07");
   std::vector<PositionFix> late = epoch_at(kPose);
   late[2].stamp = 5;
-  expect_refused([&] { TagTriangleEkf({}, triangle(), late); }, "one stamp");
+  expect_refused([&] { TagTriangleEkf({}, {{}, triangle()}, late); }, "one stamp");
   std::vector<PositionFix> strange = epoch_at(kPose);
   strange[0].tag.reset();
-  expect_refused([&] { TagTriangleEkf({}, triangle(), strange); }, "no tag", "10, 11, 12");
+  expect_refused([&] { TagTriangleEkf({}, {{}, triangle()}, strange); }, "no tag", "10, 11, 12");
 }
 
 // Accuracy ---------------------------------------------------------------------------------------
@@ -404,7 +414,7 @@ template <class Change>
 double rmse(const TagTriangleEkf::Config& config, const Change& change, std::uint64_t seed = 5) {
   testing::Scrubber run;
   testing::drive(run, seed, 120.0);
-  TagTriangleEkf ekf(config, triangle(), run.start);
+  TagTriangleEkf ekf(config, {{}, triangle()}, run.start);
   double sum = 0.0;
   int count = 0;
   for (std::size_t k = 0; k < run.messages.size(); ++k) {
@@ -463,7 +473,7 @@ TEST(TagTriangleEkf, carries_on_when_a_tag_dies) {
 TEST(TagTriangleEkf, keeps_the_triangle_over_ten_thousand_updates) {
   testing::Scrubber run;
   testing::drive(run, 9, 1200.0);
-  TagTriangleEkf ekf({}, triangle(), run.start);
+  TagTriangleEkf ekf({}, {{}, triangle()}, run.start);
   for (const Message& message : run.messages) {
     ekf.on(message);
   }

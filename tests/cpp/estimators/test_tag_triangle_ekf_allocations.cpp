@@ -11,7 +11,7 @@ using testing::allocations;
 TEST(TagTriangleEkf, allocates_nothing_per_message) {
   testing::Scrubber run;
   testing::drive(run, 1, 60.0);
-  TagTriangleEkf ekf({}, testing::triangle(), run.start, testing::hall());
+  TagTriangleEkf ekf({}, {testing::hall(), testing::triangle()}, run.start);
   const TagTriangleEkf snapshot = ekf;
   int fused = 0;
   const std::size_t before = allocations();

@@ -35,7 +35,7 @@ Consistency measure(const Change& change, const TagConditioner::Config* conditio
     config.gate_position = 1.0;
     config.gate_velocity = 1.0;
     change(config);
-    TagTriangleEkf ekf(config, testing::triangle(), run.start);
+    TagTriangleEkf ekf(config, {{}, testing::triangle()}, run.start);
     std::optional<TagConditioner> conditioner;
     if (conditioning != nullptr) {
       conditioner.emplace(*conditioning, testing::triangle());

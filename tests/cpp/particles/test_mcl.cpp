@@ -77,7 +77,7 @@ struct Errors {
 // Rotated from cells to metres, they were symmetric only up to rounding.
 TEST(Mcl, covariances_are_symmetric_to_the_bit_on_a_turned_map) {
   const Drive run = drive(3, 1);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth.front(), 0.05, 0.05),
                 near(run.room.middle * Pose2{1.5, 0.5, 1.5}, 0.05, 0.05)});
   ASSERT_EQ(mcl.hypotheses().size(), 2U);
@@ -94,7 +94,7 @@ TEST(Mcl, a_step_beyond_all_limits_leaves_the_covariance_finite) {
   for (const double limit : {Limits{}.speed_mps, 1e12}) {
     Mcl::Config settings = config();
     settings.limits.speed_mps = limit;
-    Mcl mcl(settings, run.room.map, 0);
+    Mcl mcl(settings, testing::on_map(run.room.map), 0);
     mcl.start_at({near(run.room.middle, 0.1, 0.05)});
     const Increment far{1'000'000'000, 48'000'000'000, {-7.9e269, 0.9, 3.8}};
     EXPECT_EQ(mcl.on(far).verdict, Verdict::kImplausible);
@@ -108,7 +108,7 @@ TEST(Mcl, a_step_beyond_all_limits_leaves_the_covariance_finite) {
 // Only the best cluster was propagated; with the share of the others it was not a covariance.
 TEST(Mcl, the_covariance_of_all_particles_is_propagated_as_a_whole) {
   const Drive run = drive(3, 1);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   PoseHypothesis vague = near(run.room.middle, 0.05, 1.5);
   PoseHypothesis sharp = near(run.room.middle * Pose2{2.5, 0.0, 0.0}, 0.05, 0.05);
   vague.probability = 0.6;
@@ -128,7 +128,7 @@ TEST(Mcl, tracks_to_centimetres_with_consistent_covariance) {
   Errors errors;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const Drive run = drive(seed, 60);
-    Mcl mcl(config(seed), run.room.map, 0);
+    Mcl mcl(config(seed), testing::on_map(run.room.map), 0);
     mcl.start_at({near(run.truth[0], 0.2, 0.1)});
     for (std::size_t i = 0; i < run.scans.size(); ++i) {
       mcl.on(run.increments[i]);
@@ -160,7 +160,7 @@ TEST(Mcl, tracks_with_the_beam_model_as_well) {
       by_beams.min_particles = by_beams.max_particles = 500;
       by_beams.likelihood = Mcl::Likelihood::kBeams;
       by_beams.beam_model = zhang ? BeamModel::gaussian_and_no_return() : BeamModel::Config{};
-      Mcl mcl(by_beams, run.room.map, 0);
+      Mcl mcl(by_beams, testing::on_map(run.room.map), 0);
       mcl.start_at({near(run.truth[0], 0.2, 0.1)});
       for (std::size_t i = 0; i < run.scans.size(); ++i) {
         mcl.on(run.increments[i]);
@@ -183,7 +183,7 @@ TEST(Mcl, localizes_globally_and_is_not_ready_before) {
     const Drive run = drive(100 + seed, 60);
     Mcl::Config settings = config(seed);
     settings.max_particles = 20'000;
-    Mcl mcl(settings, run.room.map, 0);
+    Mcl mcl(settings, testing::on_map(run.room.map), 0);
     EXPECT_FALSE(mcl.ready());
     for (std::size_t i = 0; i < run.scans.size(); ++i) {
       mcl.on(run.increments[i]);
@@ -208,7 +208,7 @@ TEST(Mcl, relocalizes_after_a_kidnapping) {
     Mcl::Config settings = config(seed);
     settings.max_particles = 5000;
     settings.most_drop = 1.0;  // the map is exact, and in so small a room any place fits a little
-    Mcl mcl(settings, run.room.map, 0);
+    Mcl mcl(settings, testing::on_map(run.room.map), 0);
     mcl.start_at({near(run.truth[0], 0.2, 0.1)});
     for (std::size_t i = 0; i < run.scans.size(); ++i) {
       if (i >= 30 && i < 70) {  // lifted, and put down 4 m of circle ahead
@@ -267,7 +267,7 @@ TEST(Mcl, reports_both_poses_of_a_symmetric_room) {
     settings.min_particles = 5000;
     settings.max_particles = 20'000;
     settings.scouts = 0;
-    Mcl mcl(settings, room.map(), 0);
+    Mcl mcl(settings, testing::on_map(room.map()), 0);
     ASSERT_NO_FATAL_FAILURE(room.drive(mcl, arc(0.26, 0.0, 0.1), 8, rng));
     ASSERT_GE(mcl.hypotheses().size(), 2U);
     room.expect_both(mcl, 0.3, 0.05);
@@ -281,7 +281,7 @@ TEST(Mcl, of_two_poses_that_fit_equally_none_dies_by_chance) {
     SCOPED_TRACE(seed);
     Rng rng(seed);
     TwinRoom room;
-    Mcl mcl(config(seed), room.map(), 0);
+    Mcl mcl(config(seed), testing::on_map(room.map()), 0);
     ASSERT_NO_FATAL_FAILURE(room.drive(mcl, arc(0.1, 0.0, 0.1), 300, rng));
     room.expect_both(mcl, 0.2, 0.02);
   }
@@ -293,7 +293,7 @@ TEST(Mcl, is_the_same_on_any_number_of_threads) {
   for (const int threads : {1, 2, 3}) {
     Mcl::Config settings = config(7);
     settings.threads = threads;
-    Mcl mcl(settings, run.room.map, 0);
+    Mcl mcl(settings, testing::on_map(run.room.map), 0);
     for (std::size_t i = 0; i < run.scans.size(); ++i) {
       mcl.on(run.increments[i]);
       mcl.on(run.scans[i]);
@@ -307,7 +307,7 @@ TEST(Mcl, is_the_same_on_any_number_of_threads) {
 
 TEST(Mcl, a_copy_is_a_snapshot) {
   const Drive run = drive(8, 20);
-  Mcl mcl(config(8), run.room.map, 0);
+  Mcl mcl(config(8), testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth[0], 0.2, 0.1)});
   Mcl copy = mcl;
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
@@ -324,7 +324,7 @@ TEST(Mcl, a_copy_is_a_snapshot) {
 
 TEST(Mcl, a_scan_during_an_increment_uses_its_part_of_the_arc) {
   const Drive run = drive(9, 1);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth[0], 1e-4, 1e-5)});
   mcl.on(Increment{0, 1'000'000'000, arc(0.4, 0.0, 0.2)});
   LaserScan scan = run.scans[0];
@@ -339,7 +339,7 @@ TEST(Mcl, a_scan_during_an_increment_uses_its_part_of_the_arc) {
 
 TEST(Mcl, a_second_scan_without_motion_is_not_used) {
   const Drive run = drive(10, 1);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   LaserScan scan = run.scans[0];
   EXPECT_EQ(mcl.on(scan).verdict, Verdict::kFused);
   const std::vector<float> before = mcl.belief().x;
@@ -352,7 +352,7 @@ TEST(Mcl, a_second_scan_without_motion_is_not_used) {
 
 TEST(Mcl, after_a_start_ten_stationary_scans_are_used) {
   const Drive run = drive(10, 1);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth[1], 0.3, 0.1)});
   LaserScan scan = run.scans[0];
   int used = 0;
@@ -375,7 +375,7 @@ TEST(Mcl, the_scan_matching_proposal_leaves_the_belief_unchanged) {
       Mcl::Config settings = config(seed);
       settings.min_particles = settings.max_particles = 20'000;
       settings.proposal = refined ? Mcl::Proposal::kScanMatch : Mcl::Proposal::kOdometry;
-      Mcl mcl(settings, run.room.map, 0);
+      Mcl mcl(settings, testing::on_map(run.room.map), 0);
       mcl.start_at({near(run.truth[0], 0.1, 0.05)});
       for (std::size_t i = 0; i < run.scans.size(); ++i) {
         mcl.on(run.increments[i]);
@@ -395,7 +395,7 @@ TEST(Mcl, the_scan_matching_proposal_leaves_the_belief_unchanged) {
 
 TEST(Mcl, starts_with_its_own_particles) {
   const Drive run = drive(16, 1);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   Matrix<4, Eigen::Dynamic> columns(4, 3);
   columns << 1.0, 1.1, 1.2, 2.0, 2.0, 2.0, 0.1, 0.1, 7.0, 1.0, 2.0, 1.0;
   mcl.start_with(5, columns);
@@ -424,7 +424,7 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   const auto anchors = std::make_shared<const AnchorMap>(rows);
   Mcl::Config settings = config();
   settings.max_particles = 20'000;
-  Mcl mcl(settings, run.room.map, 0, anchors, {Tag{0, {0.0, 0.0, 1.0}}});
+  Mcl mcl(settings, {anchors, {Tag{0, {0.0, 0.0, 1.0}}}, {}, run.room.map}, 0);
   for (int epoch = 0; epoch < 3; ++epoch) {  // few particles take in information in parts
     for (const Anchor& anchor : rows) {
       const Vector<3> tag(truth.x, truth.y, 1.0);
@@ -435,7 +435,7 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   EXPECT_EQ(mcl.on(Range{0, 0, 99, 3.0, 0.1}).verdict, Verdict::kNotModelled);
   // An anchor in the origin at the height of the tag was once taken for an unknown one.
   const auto origin = std::make_shared<const AnchorMap>(std::vector<Anchor>{{0, {0.0, 0.0, 1.0}}});
-  Mcl at_origin(settings, run.room.map, 0, origin, {Tag{0, {0.0, 0.0, 1.0}}});
+  Mcl at_origin(settings, {origin, {Tag{0, {0.0, 0.0, 1.0}}}, {}, run.room.map}, 0);
   EXPECT_EQ(at_origin.on(Range{0, 0, 0, 3.0, 0.1}).verdict, Verdict::kFused);
   const auto mean = [&] {
     Vector<2> sum = Vector<2>::Zero();
@@ -452,7 +452,7 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
             Verdict::kFused);
   EXPECT_LT((mcl.estimate().pose.position() - truth.position()).norm(), 0.15);
   // A fix of tag 1 is behind the body; one of an unknown tag is not used.
-  Mcl with_tag(settings, run.room.map, 0, nullptr, {Tag{1, {-1.0, 0.0, 0.0}}});
+  Mcl with_tag(settings, {{}, {Tag{1, {-1.0, 0.0, 0.0}}}, {}, run.room.map}, 0);
   with_tag.start_at({{{0, truth, 0.01 * Matrix<3, 3>::Identity()}, 1.0}});
   fix.position = truth.act({-1.0, 0.0});
   fix.tag = 1;
@@ -460,7 +460,7 @@ TEST(Mcl, ranges_and_fixes_and_poses_weigh_particles) {
   EXPECT_LT((with_tag.estimate().pose.position() - truth.position()).norm(), 0.15);
   fix.tag = 2;
   EXPECT_EQ(with_tag.on(fix).verdict, Verdict::kNotModelled);
-  Mcl without(settings, run.room.map, 0);
+  Mcl without(settings, testing::on_map(run.room.map), 0);
   EXPECT_EQ(without.on(Range{0, 0, 0, 3.0, 0.1}).verdict, Verdict::kNotModelled);
 }
 
@@ -476,7 +476,7 @@ TEST(Mcl, landmarks_weigh_particles_with_and_without_a_name) {
   for (const bool named : {true, false}) {
     Mcl::Config settings = config();
     settings.max_particles = 20'000;
-    Mcl mcl(settings, run.room.map, 0, nullptr, {}, sight);
+    Mcl mcl(settings, {{}, {}, sight, run.room.map}, 0);
     for (int epoch = 0; epoch < 3; ++epoch) {
       for (const Landmark& post : posts) {
         const Vector<2> z = model.predict(truth, post.position);
@@ -492,13 +492,13 @@ TEST(Mcl, landmarks_weigh_particles_with_and_without_a_name) {
     EXPECT_LT(std::abs(off.z()), 0.05) << named;
     EXPECT_EQ(mcl.on(RangeBearing{0, 99, 3.0, 0.0, {}}).verdict, Verdict::kNotModelled);
   }
-  Mcl without(config(), run.room.map, 0);
+  Mcl without(config(), testing::on_map(run.room.map), 0);
   EXPECT_EQ(without.on(RangeBearing{0, 0, 3.0, 0.0, {}}).verdict, Verdict::kNotModelled);
 }
 
 TEST(Mcl, without_odometry_the_belief_spreads) {
   const Drive run = drive(12, 1);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth[0], 0.05, 0.02)});
   LaserScan scan = run.scans[0];
   mcl.on(scan);
@@ -514,21 +514,23 @@ TEST(Mcl, one_particle_is_enough_and_none_is_refused) {
   const Drive run = drive(13, 3);
   Mcl::Config one = config();
   one.min_particles = one.max_particles = 1;
-  Mcl mcl(one, run.room.map, 0);
+  Mcl mcl(one, testing::on_map(run.room.map), 0);
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
     mcl.on(run.increments[i]);
     mcl.on(run.scans[i]);
     EXPECT_TRUE(std::isfinite(mcl.estimate().pose.x));
   }
   one.min_particles = 0;
-  testing::expect_refused([&] { Mcl(one, run.room.map, 0); }, "min_particles is 0");
+  testing::expect_refused([&] { Mcl(one, testing::on_map(run.room.map), 0); },
+                          "min_particles is 0");
   one.min_particles = 5;
-  testing::expect_refused([&] { Mcl(one, run.room.map, 0); }, "max_particles is 1");
+  testing::expect_refused([&] { Mcl(one, testing::on_map(run.room.map), 0); },
+                          "max_particles is 1");
 }
 
 TEST(Mcl, bad_input_is_refused_and_changes_nothing) {
   const Drive run = drive(14, 2);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   LaserScan scan = run.scans[0];
   scan.ranges.assign(scan.ranges.size(), std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(mcl.on(scan).verdict, Verdict::kNotModelled);
@@ -566,18 +568,19 @@ TEST(Mcl, bad_input_is_refused_and_changes_nothing) {
       },
       "some weight > 0");
   EXPECT_EQ(mcl.belief().x, before);
-  testing::expect_refused([&] { Mcl(config(), nullptr, 0); }, "no map");
+  testing::expect_refused([&] { Mcl(config(), {}, 0); }, "no map");
   Mcl::Config settings = config();
   settings.threads = 0;
-  testing::expect_refused([&] { Mcl(settings, run.room.map, 0); }, "threads is 0");
+  testing::expect_refused([&] { Mcl(settings, testing::on_map(run.room.map), 0); }, "threads is 0");
   settings = config();
   settings.kld_error = std::numeric_limits<double>::quiet_NaN();
-  testing::expect_refused([&] { Mcl(settings, run.room.map, 0); }, "kld_error is nan");
+  testing::expect_refused([&] { Mcl(settings, testing::on_map(run.room.map), 0); },
+                          "kld_error is nan");
 }
 
 TEST(Mcl, a_robot_off_the_map_or_in_a_wall_leaves_numbers_finite) {
   const Drive run = drive(15, 5);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   mcl.start_at({near({500.0, 500.0, 0.0}, 0.1, 0.1)});
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
     mcl.on(run.increments[i]);
@@ -590,7 +593,7 @@ TEST(Mcl, one_particle_on_an_exact_map_has_a_covariance) {
   const Drive run = drive(3, 1);
   Mcl::Config c = config();
   c.sigma_map_m = c.sigma_map_rad = 0.0;
-  Mcl mcl(c, run.room.map, 0);
+  Mcl mcl(c, testing::on_map(run.room.map), 0);
   mcl.start_with(0, Matrix<4, 1>(0.0, 0.0, 0.0, 1.0));
   EXPECT_TRUE(testing::is_covariance(mcl.estimate().covariance));
 }
@@ -600,7 +603,7 @@ TEST(Mcl, a_long_way_there_and_back_leaves_a_covariance) {
   const Drive run = drive(3, 1);
   Mcl::Config c = config();
   c.odometry = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
-  Mcl mcl(c, run.room.map, 0);
+  Mcl mcl(c, testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth.front(), 0.1, 0.05)});
   const Stamp there = 11'000'000LL * 1'000'000'000;
   ASSERT_EQ(mcl.on(Increment{0, there, {1e9, 0.0, 0.0}}).verdict, Verdict::kFused);
@@ -615,7 +618,7 @@ TEST(Mcl, a_scan_farther_off_the_map_than_an_integer_counts_is_accepted) {
     Mcl::Config c = config();
     c.likelihood = likelihood;
     c.threads = 2;
-    Mcl mcl(c, run.room.map, 0);
+    Mcl mcl(c, testing::on_map(run.room.map), 0);
     mcl.start_at({near(run.truth.front(), 0.05, 0.05)});
     const Stamp end = 600'000'000LL * 1'000'000'000;
     ASSERT_EQ(mcl.on(Increment{0, end, {5e10, 0.0, 0.0}}).verdict, Verdict::kFused);
@@ -628,7 +631,7 @@ TEST(Mcl, a_scan_farther_off_the_map_than_an_integer_counts_is_accepted) {
 
 TEST(Mcl, a_fix_of_a_variance_without_a_root_leaves_health_finite) {
   const Drive run = drive(3, 8);
-  Mcl mcl(config(), run.room.map, 0);
+  Mcl mcl(config(), testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth.front(), 0.03, 0.02)});
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
     mcl.on(run.increments[i]);
@@ -647,7 +650,7 @@ TEST(Mcl, without_outliers_a_measurement_that_fits_nowhere_keeps_weights_equal) 
   const Drive run = drive(3, 1);
   Mcl::Config c = config();
   c.outlier_share = 0.0;
-  Mcl mcl(c, run.room.map, 0);
+  Mcl mcl(c, testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth.front(), 0.03, 0.02)});
   const Vector<2> off = run.truth.front().position() + Vector<2>(5.0, 0.0);
   EXPECT_NO_THROW(mcl.on(PositionFix{1, off, 0.01 * Matrix<2, 2>::Identity()}));
@@ -660,7 +663,7 @@ TEST(Mcl, odometry_without_noise_moves_particles_once) {
   Mcl::Config c = config();
   c.odometry = {1e-160, 1e-160, 1e-160, 1e-160, 1e-160, 1e-160, 0.0};
   c.proposal = Mcl::Proposal::kScanMatch;
-  Mcl mcl(c, run.room.map, 0);
+  Mcl mcl(c, testing::on_map(run.room.map), 0);
   mcl.start_at({near(run.truth.front(), 0.03, 0.02)});
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
     mcl.on(run.increments[i]);

@@ -17,7 +17,7 @@ std::size_t allocations_of(int particles, double sigma_map) {
   config.proposal = MclConfig::Proposal::kLineEkf;
   config.sigma_map_m = sigma_map;
   const auto recipe =
-      make_mcl_recipe(config, testing::map_of(walls, 200, 200, 0.05, {}), nullptr, {}, {});
+      make_mcl_recipe(config, testing::on_map(testing::map_of(walls, 200, 200, 0.05, {})));
   testing::Rng rng(1);
   const Pose2 pose{4.0, 4.5, 0.2};
   const LaserScan scan = testing::scan_from(walls, pose, rng, 0.01);

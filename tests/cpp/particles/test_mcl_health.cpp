@@ -37,7 +37,7 @@ struct Robot {
       : rng(seed),
         room(testing::random_room(rng)),
         pose(room.middle * Pose2{0.0, -1.0, 0.0}),
-        mcl(config, room.map, 0) {
+        mcl(config, testing::on_map(room.map), 0) {
     mcl.start_at({{{0, pose, 0.0025 * Matrix<3, 3>::Identity()}, 1.0}});
   }
 
@@ -105,7 +105,7 @@ TEST(MclHealth, is_ambiguous_in_a_symmetric_room) {
   testing::add_box(walls, {}, 8.0, 5.0);
   Mcl::Config config;
   config.max_particles = 20000;
-  Mcl mcl(config, testing::map_of(walls, 320, 320, 0.05, {-8.0, -8.0, 0.0}), 0);
+  Mcl mcl(config, testing::on_map(testing::map_of(walls, 320, 320, 0.05, {-8.0, -8.0, 0.0})), 0);
   Rng rng(2);
   Pose2 pose{-1.0, 0.5, 0.3};
   for (int k = 1; k <= 40; ++k) {

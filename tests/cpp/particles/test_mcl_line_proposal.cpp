@@ -99,7 +99,7 @@ Linearization<2, 3> wall_from(const Pose2& pose) {
 /// Particles drawn from odometry and the line, weighed by the line where that has not been done.
 Gaussian particles_after(Proposal proposal, bool is_exact) {
   const auto recipe =
-      make_mcl_recipe(settings(proposal, is_exact ? 0.0 : 1e-9), one_wall(), nullptr, {}, {});
+      make_mcl_recipe(settings(proposal, is_exact ? 0.0 : 1e-9), testing::on_map(one_wall()));
   ParticleFilter filter(recipe);
   RandomKeys keys(7);
   filter.start_at({{{0, kStart, prior()}, 1.0}}, keys);
@@ -190,7 +190,7 @@ Mcl after(const Drive& run, Proposal proposal, int threads = 1) {
   config.min_particles = config.max_particles = 300;
   config.proposal = proposal;
   config.threads = threads;
-  Mcl mcl(config, run.map, 0);
+  Mcl mcl(config, testing::on_map(run.map), 0);
   const Vector<3> sigma(0.1, 0.1, 0.05);
   mcl.start_at({{{0, run.truth[0], sigma.cwiseAbs2().asDiagonal()}, 1.0}});
   for (std::size_t i = 0; i < run.scans.size(); ++i) {
@@ -243,7 +243,7 @@ TEST(LineProposal, odometry_without_noise_and_a_turned_laser_leave_numbers_finit
     config.min_particles = config.max_particles = 100;
     config.proposal = Proposal::kLineEkf;
     config.odometry = {sigma, sigma, sigma, sigma, 0.0, 0.0};
-    Mcl mcl(config, run.map, 0);
+    Mcl mcl(config, testing::on_map(run.map), 0);
     mcl.start_at({{{0, run.truth[0], 1e-4 * Matrix<3, 3>::Identity()}, 1.0}});
     for (std::size_t i = 0; i < run.scans.size(); ++i) {
       mcl.on(run.increments[i]);

@@ -25,7 +25,7 @@ struct World {
   RandomKeys keys{1};
 
   [[nodiscard]] std::shared_ptr<const MclRecipe> recipe() const {
-    return make_mcl_recipe(config, room.map, nullptr, {}, {});
+    return make_mcl_recipe(config, locfuse::testing::on_map(room.map));
   }
   [[nodiscard]] EndPoints points(const MclRecipe& recipe) const {
     return recipe.fields.front().end_points(scan, recipe.config.beams);

@@ -32,12 +32,12 @@ class Standing {
     mcl.spacing_m = 0.0;  // every scan is used at standstill
     mcl.odometry.sigma_xy_per_sqrt_s = drift;
     mcl.odometry.sigma_heading_per_sqrt_s = 0.01;
-    Mcl particles(mcl, room_.map, 0);
+    Mcl particles(mcl, testing::on_map(room_.map), 0);
     particles.start_at({{start(truth_, 0.05), 1.0}});
     RecoveringEkf::Config by_uwb;
-    by_uwb.estimator.odometry = mcl.odometry;
-    by_uwb.estimator.hold_s = 1e6;
-    RecoveringEkf uwb(by_uwb, std::make_shared<AnchorMap>(), {}, nullptr);
+    by_uwb.start.estimator.odometry = mcl.odometry;
+    by_uwb.start.estimator.hold_s = 1e6;
+    RecoveringEkf uwb(by_uwb, {});
     uwb.start_at(start(truth_, 0.05));
     uwb.on(Velocity{0, 0.0, 0.0});  // it stands, as odometry says
     return {config, particles, uwb};

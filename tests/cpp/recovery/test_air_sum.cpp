@@ -37,14 +37,15 @@ AirEkf::Config config_of_flight() {
 }
 
 AirEkf at_start(const std::vector<Anchor>& anchors, const AirEstimate& start) {
-  return {config_of_flight(), std::make_shared<AnchorMap>(anchors), {{0, {0.0, 0.0, -0.1}}}, start};
+  return {
+      config_of_flight(), {std::make_shared<AnchorMap>(anchors), {{0, {0.0, 0.0, -0.1}}}}, start};
 }
 
 RecoveringEkf recovering(const std::vector<Anchor>& anchors, const AirEstimate& start) {
   RecoveringEkf::Config config;
   config.tracker = config_of_flight();
-  config.estimator.correlation_s = 0.0;
-  RecoveringEkf ekf(config, std::make_shared<AnchorMap>(anchors), {{0, {0.0, 0.0, -0.1}}}, nullptr);
+  config.start.estimator.correlation_s = 0.0;
+  RecoveringEkf ekf(config, {std::make_shared<AnchorMap>(anchors), {{0, {0.0, 0.0, -0.1}}}});
   ekf.start_with(at_start(anchors, start));
   return ekf;
 }
@@ -178,9 +179,9 @@ TEST(AirSum, a_flight_by_odometry_is_found_again_though_ranges_come_between_its_
     const std::vector<Tag> tags{{0, {0.0, 0.0, -0.1}}};
     RecoveringEkf::Config config;
     config.tracker = air;
-    config.estimator.correlation_s = 0.0;
-    RecoveringEkf ekf(config, anchors, tags, nullptr);
-    ekf.start_with(AirEkf(air, anchors, tags, flight.start));
+    config.start.estimator.correlation_s = 0.0;
+    RecoveringEkf ekf(config, {anchors, tags});
+    ekf.start_with(AirEkf(air, {anchors, tags}, flight.start));
     Vector<3> velocity = Vector<3>::Zero();
     for (Stamp now = kTick; now <= kEnd; now += kTick) {
       const bool is_silent = now > kCutOff && now <= kReceivedAgain;
@@ -217,9 +218,9 @@ TEST(AirSum, one_range_does_not_stop_the_body_that_drives_on_without_others) {
   const std::vector<Tag> tags{{0, {0.0, 0.0, -0.1}}};
   RecoveringEkf::Config config;
   config.tracker = air;
-  RecoveringEkf ekf(config, anchors, tags, nullptr);
+  RecoveringEkf ekf(config, {anchors, tags});
   ekf.start_with(
-      AirEkf(air, anchors, tags, {0, {-8.0, -8.0, 0.4}, 3.0, sigma.cwiseAbs2().asDiagonal()}));
+      AirEkf(air, {anchors, tags}, {0, {-8.0, -8.0, 0.4}, 3.0, sigma.cwiseAbs2().asDiagonal()}));
   ASSERT_EQ(ekf.on(Range{0, 0, 0, 3.5, {}}).verdict, Verdict::kIgnored);
   const double began = ekf.current_in_space()->pose.x;
   for (Stamp now = 0; now < 10 * kSecond; now += kTick) {
@@ -252,8 +253,7 @@ AirEkf::Config config_in_room(double max_height) {
 AirEkf on_the_floor(const AirEkf::Config& config) {
   const Vector<4> sigma(0.3, 0.3, 0.1, 0.3);
   return {config,
-          std::make_shared<AnchorMap>(in_a_plane()),
-          {{0, {0.0, 0.0, 0.0}}},
+          {std::make_shared<AnchorMap>(in_a_plane()), {{0, {0.0, 0.0, 0.0}}}},
           {0, {0.2, -0.1, 0.0}, 0.1, sigma.cwiseAbs2().asDiagonal()}};
 }
 
@@ -281,7 +281,7 @@ TEST(AirSum, a_floor_tells_on_which_side_of_its_anchors_a_body_is) {
   const auto flights = [](double max_height) {
     RecoveringEkf::Config config;
     config.tracker = config_in_room(max_height);
-    RecoveringEkf ekf(config, std::make_shared<AnchorMap>(in_a_plane()), {{0, {0, 0, 0}}}, nullptr);
+    RecoveringEkf ekf(config, {std::make_shared<AnchorMap>(in_a_plane()), {{0, {0, 0, 0}}}});
     ekf.start_with(on_the_floor(config_in_room(max_height)));
     return at_two_metres(ekf);
   };

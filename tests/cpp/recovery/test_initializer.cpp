@@ -53,11 +53,10 @@ struct Robot {
 
 std::vector<Tag> centred() { return {{0, {0.0, 0.0, 1.0}}}; }
 
-Initializer initializer_of(const Robot& robot, const Initializer::Config& config = {}) {
-  PoseEkf::Config estimator;
-  estimator.range.sigma_m = 0.05;
-  estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
-  return {config, estimator, robot.anchors, robot.tags, nullptr};
+Initializer initializer_of(const Robot& robot, Initializer::Config config = {}) {
+  config.estimator.range.sigma_m = 0.05;
+  config.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+  return {config, {robot.anchors, robot.tags}};
 }
 
 TEST(Initializer, has_nothing_to_say_before_the_first_message) {
@@ -118,10 +117,10 @@ double nees_after(double seconds, int runs) {
   double nees = 0.0;
   for (int seed = 1; seed <= runs; ++seed) {
     const testing::Simulation run = testing::simulate(static_cast<std::uint64_t>(seed), seconds);
-    PoseEkf::Config estimator;
-    estimator.range.sigma_m = 0.1;
-    estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
-    Initializer initializer({}, estimator, testing::hall(), testing::one_tag(), nullptr);
+    Initializer::Config config;
+    config.estimator.range.sigma_m = 0.1;
+    config.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+    Initializer initializer(config, {testing::hall(), testing::one_tag()});
     for (const Message& message : run.messages) {
       initializer.on(message);
     }
@@ -176,10 +175,10 @@ Start start_outside(int seed, double sigma, double told) {
                                                                          {3, {10.0, 18.0, 0.5}}});
   Robot robot{{3.0, 1.0, 0.5 * kPi}, {{0, {0.0, 0.0, 0.3}}}, far, sigma};
   robot.rng.seed(static_cast<unsigned>(seed));
-  PoseEkf::Config estimator;
-  estimator.range.sigma_m = told;
-  estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
-  return start_of(robot, {{}, estimator, far, robot.tags, nullptr}, 0.04,
+  Initializer::Config config;
+  config.estimator.range.sigma_m = told;
+  config.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+  return start_of(robot, {config, {far, robot.tags}}, 0.04,
                   [](Robot& one, Initializer& initializer) { one.feed(initializer); });
 }
 
@@ -363,7 +362,7 @@ std::shared_ptr<const LandmarkMap> poles() {
 Initializer among_poles() {
   Initializer::Config config;
   config.headings = 12;
-  return {config, {}, testing::hall(), testing::one_tag(), nullptr, {poles(), {}}};
+  return {config, {testing::hall(), testing::one_tag(), {poles(), {}}}};
 }
 
 // The weight of a constellation was NaN, and what was left of a merge that threw was used.
@@ -427,7 +426,7 @@ TEST(Initializer, probabilities_are_1_together_whatever_the_ranges_cost) {
   geometry->angle_increment = 0.1;
   geometry->range_max = 10.0;
   for (const double sigma : {1e-2, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
-    Initializer initializer({}, {}, line, centred(), nullptr);
+    Initializer initializer({}, {line, centred()});
     const double ranges[]{5.0, 4.0, 6.0, 8.0, 11.0, 9.0};
     for (Id anchor = 0; anchor < 6; ++anchor) {
       initializer.on(Range{0, 0, anchor, ranges[anchor], sigma});
@@ -454,9 +453,9 @@ std::vector<double> numbers_of(const Initializer& initializer) {
 
 /// One component had taken it, the next had not.
 TEST(Initializer, what_it_throws_for_changes_nothing) {
-  PoseEkf::Config estimator;
-  estimator.adaptive.messages = 5;
-  Initializer initializer({}, estimator, testing::hall(), {{0, {2.0, 0.0, 1.0}}}, nullptr);
+  Initializer::Config config;
+  config.estimator.adaptive.messages = 5;
+  Initializer initializer(config, {testing::hall(), {{0, {2.0, 0.0, 1.0}}}});
   initializer.on(PositionFix{0, {1.0, 2.0}, 1e-2 * Matrix<2, 2>::Identity()});
   for (Id anchor = 0; anchor < 4; ++anchor) {
     initializer.on(Range{kTick, 0, anchor, 12.0 + anchor, {}});

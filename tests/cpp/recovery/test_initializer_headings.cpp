@@ -33,18 +33,18 @@ struct Robot {
   }
 
   [[nodiscard]] Initializer initializer(bool with_map = true) const {
-    return {config().start,
-            config().estimator,
-            anchors,
-            {tag},
-            with_map ? std::make_shared<const ScanMatcher>(room.map) : nullptr};
+    World world{anchors, {tag}};
+    if (with_map) {
+      world.matcher = std::make_shared<const ScanMatcher>(room.map);
+    }
+    return {config().start, world};
   }
 
   [[nodiscard]] static RecoveringEkf::Config config() {
     RecoveringEkf::Config config;
     config.start.method = StartMethod::kSrlsHeadings;
-    config.estimator.range = {0.1, 0.0};
-    config.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+    config.start.estimator.range = {0.1, 0.0};
+    config.start.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
     return config;
   }
 
@@ -208,8 +208,9 @@ TEST(InitializerHeadings, is_the_same_to_the_bit_whatever_order_messages_arrive_
 
 TEST(InitializerHeadings, a_robot_that_was_carried_off_is_found_without_scans) {
   Robot robot(2);
-  RecoveringEkf ekf(Robot::config(), robot.anchors, {robot.tag},
-                    std::make_shared<const ScanMatcher>(robot.room.map));
+  RecoveringEkf ekf(
+      Robot::config(),
+      {robot.anchors, {robot.tag}, {}, {}, std::make_shared<const ScanMatcher>(robot.room.map)});
   robot.measure(ekf);
   ekf.on(robot.scan());
   ASSERT_TRUE(ekf.has_started()) << ekf.state().reason;

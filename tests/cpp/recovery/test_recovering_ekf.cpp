@@ -36,14 +36,14 @@ std::shared_ptr<const LandmarkMap> map_of(const std::vector<Vector<2>>& position
 
 RecoveringEkf::Config config() {
   RecoveringEkf::Config c;
-  c.estimator.landmark = {kSigmaRange, kSigmaBearing};
-  c.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
-  c.estimator.correlation_s = 0.0;  // its errors are independent
+  c.start.estimator.landmark = {kSigmaRange, kSigmaBearing};
+  c.start.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+  c.start.estimator.correlation_s = 0.0;  // its errors are independent
   return c;
 }
 
 RecoveringEkf robot_among(const std::vector<Vector<2>>& posts) {
-  return {config(), std::make_shared<const AnchorMap>(), {}, nullptr, {map_of(posts), {}}};
+  return {config(), {{}, {}, {map_of(posts), {}}}};
 }
 
 /// A robot that drives circles and sees every post within `reach`.
@@ -156,8 +156,7 @@ TEST(RecoveringEkf, what_it_reports_while_it_is_lost_says_so) {
   RecoveringEkf::Config settings = config();
   settings.restart = false;
   for (unsigned seed = 0; seed < 50; ++seed) {
-    RecoveringEkf ekf{
-        settings, std::make_shared<const AnchorMap>(), {}, nullptr, {map_of(kPosts), {}}};
+    RecoveringEkf ekf{settings, {{}, {}, {map_of(kPosts), {}}}};
     Drive drive(seed);
     ekf.start_at({0, drive.truth, 0.01 * Matrix<3, 3>::Identity()});
     for (int k = 0; k < 50; ++k) {
@@ -189,7 +188,7 @@ struct Walk {
   explicit Walk(unsigned seed) : rng(seed) {}
 
   [[nodiscard]] RecoveringEkf started_at(const Vector<2>& start) const {
-    RecoveringEkf ekf({}, hall, {{0, Vector<3>::Zero()}}, nullptr);
+    RecoveringEkf ekf({}, {hall, {{0, Vector<3>::Zero()}}});
     ekf.start_at({0, {start.x(), start.y(), 0.0}, 0.01 * Matrix<3, 3>::Identity()});
     return ekf;
   }
@@ -278,7 +277,7 @@ TEST(RecoveringEkf, a_share_of_wrong_sightings_raises_no_alarm) {
 TEST(RecoveringEkf, many_wrong_sightings_raise_no_alarm) {
   RecoveringEkf::Config c = config();
   c.health.wrong_share = 0.2;
-  RecoveringEkf ekf(c, std::make_shared<const AnchorMap>(), {}, nullptr, {map_of(kPosts), {}});
+  RecoveringEkf ekf(c, {{}, {}, {map_of(kPosts), {}}});
   Drive drive(6);
   drive.wrong_share = 0.2;
   drive.names = true;
@@ -394,7 +393,7 @@ TEST(RecoveringEkf, out_of_sight_of_landmarks_it_drives_on_by_odometry) {
 }
 
 TEST(RecoveringEkf, position_fixes_find_it_again_too) {
-  RecoveringEkf ekf(config(), std::make_shared<const AnchorMap>(), {}, nullptr);
+  RecoveringEkf ekf(config(), {});
   Drive drive(9);
   const auto fix = [&] {
     PositionFix z;
@@ -431,13 +430,13 @@ struct Outage {
 
   static RecoveringEkf::Config settings() {
     RecoveringEkf::Config c;
-    c.estimator.correlation_s = 0.0;  // its errors are independent
-    c.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
-    c.estimator.range.sigma_m = 0.1;
+    c.start.estimator.correlation_s = 0.0;  // its errors are independent
+    c.start.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
+    c.start.estimator.range.sigma_m = 0.1;
     return c;
   }
 
-  RecoveringEkf ekf{settings(), testing::hall(), testing::one_tag(), nullptr};
+  RecoveringEkf ekf{settings(), {testing::hall(), testing::one_tag()}};
   Rng rng;
   Pose2 truth;
   int steps = 0;
@@ -529,8 +528,7 @@ TEST(RecoveringEkf, starts_where_it_is_put) {
 TEST(RecoveringEkf, bad_input_is_refused) {
   RecoveringEkf::Config c = config();
   c.health.risk = 0.0;
-  expect_refused([&] { RecoveringEkf(c, std::make_shared<const AnchorMap>(), {}, nullptr); },
-                 "risk is 0, expected");
+  expect_refused([&] { RecoveringEkf(c, {}); }, "risk is 0, expected");
   RecoveringEkf ekf = robot_among(kPosts);
   RangeBearing z;
   z.range = std::numeric_limits<double>::infinity();
@@ -548,9 +546,9 @@ TEST(RecoveringEkf, bad_input_is_refused) {
 /// A lever arm takes this covariance, which is one by a single rounding, out of the search's hands.
 TEST(RecoveringEkf, what_a_search_cannot_use_is_fused_by_the_filter_alike) {
   RecoveringEkf::Config with_lever;
-  with_lever.estimator.position.antenna_forward_m = 0.37;
-  with_lever.estimator.position.antenna_left_m = 0.21;
-  RecoveringEkf robot(with_lever, testing::hall(), testing::one_tag(), nullptr);
+  with_lever.start.estimator.position.antenna_forward_m = 0.37;
+  with_lever.start.estimator.position.antenna_left_m = 0.21;
+  RecoveringEkf robot(with_lever, {testing::hall(), testing::one_tag()});
   robot.start_at({0, {2.0, -1.0, 0.4}, Vector<3>(0.01, 0.01, 0.0025).asDiagonal()});
   constexpr Stamp kSecond = 10 * kStep;
   robot.on(Velocity{kSecond, 0.0, 0.0});

@@ -27,9 +27,7 @@ RecoveringEkf::Config triangle_config() {
   return config;
 }
 
-RecoveringEkf three_tags() {
-  return {triangle_config(), std::make_shared<const AnchorMap>(), testing::triangle(), nullptr};
-}
+RecoveringEkf three_tags() { return {triangle_config(), {{}, testing::triangle()}}; }
 
 /// Fixes of all tags of a body that stands.
 std::vector<PositionFix> fixes_at(const Pose2& pose, Stamp stamp, testing::Rng& rng) {
@@ -62,14 +60,14 @@ TEST(RecoveringEkfKinds, three_tags_are_found_from_nothing_and_tracked) {
 
 RecoveringEkf::Config conditioned() {
   RecoveringEkf::Config config = triangle_config();
-  config.tag_conditioner.emplace();
-  config.tag_conditioner->cutoff_hz = 0.0;
-  config.tag_conditioner->bias_x_m = 0.5;
+  config.start.tag_conditioner.emplace();
+  config.start.tag_conditioner->cutoff_hz = 0.0;
+  config.start.tag_conditioner->bias_x_m = 0.5;
   return config;
 }
 
 RecoveringEkf conditioned_tags(const RecoveringEkf::Config& config = conditioned()) {
-  return {config, std::make_shared<const AnchorMap>(), testing::triangle(), nullptr};
+  return {config, {{}, testing::triangle()}};
 }
 
 TEST(RecoveringEkfKinds, conditions_fixes_of_tags_while_it_searches_and_while_it_tracks) {
@@ -145,7 +143,7 @@ TEST(RecoveringEkfKinds, a_clock_that_goes_back_is_a_new_time_for_the_conditione
 
 TEST(RecoveringEkfKinds, a_late_fix_is_conditioned_where_it_belongs) {
   RecoveringEkf::Config config = conditioned();
-  config.tag_conditioner->cutoff_hz = 0.3;
+  config.start.tag_conditioner->cutoff_hz = 0.3;
   RecoveringEkf start = conditioned_tags(config);
   start.start_at({0, {1.0, 1.0, 0.3}, 0.04 * Matrix<3, 3>::Identity()});
   testing::Rng rng(7);
@@ -172,7 +170,7 @@ TEST(RecoveringEkfKinds, a_late_fix_is_conditioned_where_it_belongs) {
 
 TEST(RecoveringEkfKinds, refuses_a_conditioner_out_of_range) {
   RecoveringEkf::Config config = conditioned();
-  config.tag_conditioner->jump_margin_m = 0.0;
+  config.start.tag_conditioner->jump_margin_m = 0.0;
   expect_refused([&] { (void)conditioned_tags(config); }, "jump_margin_m");
 }
 
@@ -197,9 +195,10 @@ TEST(RecoveringEkfKinds, three_tags_carried_away_are_lost_and_found) {
 
 TEST(RecoveringEkfKinds, a_map_is_not_thrown_away_by_a_filter_that_is_lost) {
   RecoveringEkf::Config config;
-  config.tracker = LandmarkEkf::Config{};
-  config.known = {{0, {2.0, 0.0}, {}}, {1, {0.0, 2.0}, {}}, {2, {-2.0, 0.0}, {}}};
-  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(), {}, nullptr);
+  LandmarkEkf::Config mapping;
+  mapping.known = {{0, {2.0, 0.0}, {}}, {1, {0.0, 2.0}, {}}, {2, {-2.0, 0.0}, {}}};
+  config.tracker = mapping;
+  RecoveringEkf ekf(config, {});
   ekf.start_at({0, {}, 1e-4 * Matrix<3, 3>::Identity()});
   ASSERT_TRUE(ekf.fuses_jointly());
   for (int step = 1; step < 300; ++step) {  // ranges that no pose explains
@@ -229,7 +228,7 @@ TEST(RecoveringEkfKinds, a_flight_has_its_height_and_is_found_where_it_was_carri
   for (const Vector<3>& corner : corners) {
     anchors.push_back({static_cast<Id>(anchors.size()), corner});
   }
-  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(anchors), {{0, {0, 0, 0}}}, nullptr);
+  RecoveringEkf ekf(config, {std::make_shared<const AnchorMap>(anchors), {{0, {0, 0, 0}}}});
   EXPECT_THROW((void)ekf.current_in_space(), std::logic_error);
   ekf.start_at({0, {3.0, 4.0, 0.0}, 0.09 * Matrix<3, 3>::Identity()});
   testing::Rng rng(7);
@@ -266,7 +265,7 @@ TEST(RecoveringEkfKinds, a_flight_has_its_height_and_is_found_where_it_was_carri
 TEST(RecoveringEkfKinds, another_clock_keeps_the_map_and_the_pose) {
   RecoveringEkf::Config config;
   config.tracker = LandmarkEkf::Config{};
-  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(), {}, nullptr);
+  RecoveringEkf ekf(config, {});
   ekf.start_at({10 * kSecond, {1.0, 2.0, 0.5}, 1e-4 * Matrix<3, 3>::Identity()});
   RangeBearing z;
   z.stamp = 10 * kSecond;
@@ -304,9 +303,7 @@ TEST(RecoveringEkfKinds, three_tags_whose_triangle_is_lost_have_a_pose_that_says
 }
 
 TEST(RecoveringEkfKinds, a_tracker_that_cannot_be_is_refused_at_once) {
-  expect_refused(
-      [] { RecoveringEkf(triangle_config(), std::make_shared<const AnchorMap>(), {}, nullptr); },
-      "expected 3");
+  expect_refused([] { RecoveringEkf(triangle_config(), {}); }, "expected 3");
 }
 
 TEST(TagTriangleEkf, sides_are_fused_by_themselves_where_there_is_no_odometry) {
@@ -315,7 +312,7 @@ TEST(TagTriangleEkf, sides_are_fused_by_themselves_where_there_is_no_odometry) {
   const PoseEstimate start{0, truth, 0.04 * Matrix<3, 3>::Identity()};
   TagTriangleEkf::Config config;
   config.holds_sides = true;
-  TagTriangleEkf by_itself(config, testing::triangle(), start);
+  TagTriangleEkf by_itself(config, {{}, testing::triangle()}, start);
   TagTriangleEkf by_hand = by_itself;
   for (int step = 1; step < 20; ++step) {
     for (const PositionFix& z : fixes_at(truth, step * kSecond / 5, rng)) {
@@ -336,7 +333,7 @@ TEST(TagTriangleEkf, a_message_that_is_not_fused_leaves_sides_that_are_due) {
   const Pose2 truth{1.0, 1.0, 0.3};
   TagTriangleEkf::Config config;
   config.holds_sides = true;
-  TagTriangleEkf ekf(config, testing::triangle(),
+  TagTriangleEkf ekf(config, {{}, testing::triangle()},
                      PoseEstimate{0, truth, 0.04 * Matrix<3, 3>::Identity()});
   for (const PositionFix& z : fixes_at(truth, kSecond, rng)) {
     ASSERT_EQ(ekf.on(z).verdict, Verdict::kFused);
@@ -348,9 +345,8 @@ TEST(TagTriangleEkf, a_message_that_is_not_fused_leaves_sides_that_are_due) {
 }
 
 TEST(TagTriangleEkf, weighs_a_range_as_it_would_fuse_it) {
-  TagTriangleEkf ekf({}, testing::triangle(),
-                     PoseEstimate{0, {3.0, 4.0, 0.1}, 0.01 * Matrix<3, 3>::Identity()},
-                     testing::hall());
+  TagTriangleEkf ekf({}, {testing::hall(), testing::triangle()},
+                     PoseEstimate{0, {3.0, 4.0, 0.1}, 0.01 * Matrix<3, 3>::Identity()});
   const TagTriangleEkf before = ekf;
   TagTriangleEkf fused = ekf;
   const Id anchor = testing::hall()->anchors().front().id;

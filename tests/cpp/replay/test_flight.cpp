@@ -35,10 +35,9 @@ RecoveringEkf unstarted(bool in_space = true) {
   }
   config.start_height = 3.0;
   return {config,
-          std::make_shared<AnchorMap>(testing::corners()),
-          {{0, {0.3, -0.2, -0.1}}},
-          nullptr,
-          {std::make_shared<LandmarkMap>(testing::beacons()), {}}};
+          {std::make_shared<AnchorMap>(testing::corners()),
+           {{0, {0.3, -0.2, -0.1}}},
+           {std::make_shared<LandmarkMap>(testing::beacons()), {}}}};
 }
 
 PoseEstimate begin() { return {0, {2.0, -1.0, 0.4}, 0.04 * Matrix<3, 3>::Identity()}; }

@@ -14,7 +14,7 @@ namespace {
 using testing::kSecond;
 using testing::same_bits;
 
-RecoveringEkf unstarted() { return {{}, testing::hall(), testing::one_tag(), nullptr}; }
+RecoveringEkf unstarted() { return {{}, {testing::hall(), testing::one_tag()}}; }
 
 /// Messages arrive at their stamp or up to 0.1 s later, so increments after the ranges during them.
 MessageLog with_latencies(const testing::Simulation& run) {
@@ -304,7 +304,7 @@ std::shared_ptr<const LandmarkMap> posts() {
 }
 
 RecoveringEkf among_posts(const RecoveringEkf::Config& config = {}) {
-  return {config, testing::hall(), testing::one_tag(), nullptr, {posts(), {}}};
+  return {config, {testing::hall(), testing::one_tag(), {posts(), {}}}};
 }
 
 std::vector<RangeBearing> look(Stamp stamp, const Pose2& pose) {
@@ -389,7 +389,7 @@ TEST(Live, a_heading_of_any_size_starts_it) {
 /// Messages that signal the jump were fused before another one of them was refused.
 TEST(Live, a_clock_jump_that_ends_in_a_refused_message_counts) {
   RecoveringEkf::Config config;
-  config.estimator.adaptive.messages = 5;
+  config.start.estimator.adaptive.messages = 5;
   Live::Options options;
   options.timeline.clock_jump = ClockJump::kReset;
   options.timeline.jump_after = 3;

@@ -77,7 +77,7 @@ Mcl mcl_for(const Drive& run, bool anywhere = false) {
   Mcl::Config config;
   config.threads = 1;
   config.seed = 11;
-  Mcl mcl(config, run.room.map, 0, run.anchors, {{0, {0.0, 0.0, 0.0}}});
+  Mcl mcl(config, {run.anchors, {{0, {0.0, 0.0, 0.0}}}, {}, run.room.map}, 0);
   if (!anywhere) {
     mcl.start_at({{{0, run.start, 0.01 * Matrix<3, 3>::Identity()}, 1.0}});
   }
@@ -119,7 +119,7 @@ TEST(LiveMcl, messages_and_scans_that_are_late_end_with_the_bits_of_those_in_tim
 TEST(LiveMcl, late_ones_are_fused_where_uwb_may_take_over) {
   const Drive in_time = drive();
   const Drive late = with_late_ones(in_time);
-  RecoveringEkf uwb(RecoveringEkf::Config{}, in_time.anchors, {{0, {0.0, 0.0, 0.0}}}, nullptr);
+  RecoveringEkf uwb(RecoveringEkf::Config{}, {in_time.anchors, {{0, {0.0, 0.0, 0.0}}}});
   uwb.start_at({0, in_time.start, 0.01 * Matrix<3, 3>::Identity()});
   LiveMcl a(SwitchingMcl({}, mcl_for(in_time, true), uwb));
   LiveMcl b(SwitchingMcl({}, mcl_for(in_time, true), uwb));
@@ -260,7 +260,7 @@ TEST(LiveMcl, what_waited_before_a_jump_of_the_clock_is_not_of_the_time_after_it
   for (const bool switches : {false, true}) {
     LiveMcl::Options options;
     options.timeline.clock_jump = ClockJump::kContinue;
-    RecoveringEkf uwb(RecoveringEkf::Config{}, run.anchors, {{0, {0.0, 0.0, 0.0}}}, nullptr);
+    RecoveringEkf uwb(RecoveringEkf::Config{}, {run.anchors, {{0, {0.0, 0.0, 0.0}}}});
     uwb.start_at({0, run.start, 0.01 * Matrix<3, 3>::Identity()});
     LiveMcl live = switches ? LiveMcl(SwitchingMcl({}, mcl_for(run), uwb), options)
                             : LiveMcl(mcl_for(run), options);

@@ -41,7 +41,7 @@ Mcl mcl_for(const Drive& run, int threads = 1) {
   Mcl::Config config;
   config.threads = threads;
   config.seed = 7;
-  return {config, run.room.map, 0};
+  return {config, testing::on_map(run.room.map), 0};
 }
 
 void expect_same(const LocalizeRun::Step& a, const LocalizeRun::Step& b) {
@@ -120,7 +120,7 @@ TEST(Localize, fuses_late_messages_and_scans_where_they_belong) {
 TEST(Localize, scans_before_the_start_are_stale_and_leave_no_step) {
   const Drive run = drive();
   Mcl::Config config;
-  LiveMcl mcl(Mcl(config, run.room.map, 3 * kStep));
+  LiveMcl mcl(Mcl(config, testing::on_map(run.room.map), 3 * kStep));
   const LocalizeRun result = localize(mcl, run.log, run.scans);
   EXPECT_EQ(result.steps.size(), run.scans.size() - 3);
   EXPECT_EQ(result.scan_outcomes[2].verdict, Verdict::kStale);

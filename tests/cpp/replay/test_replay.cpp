@@ -13,7 +13,7 @@ using testing::kSecond;
 using testing::same_bits;
 
 PoseEkf ekf_for(const testing::Simulation& run) {
-  return {{}, testing::hall(), testing::one_tag(), run.start};
+  return {{}, {testing::hall(), testing::one_tag()}, run.start};
 }
 
 /// Ranges arrive up to 0.4 s late.
@@ -188,7 +188,7 @@ TEST(Replay, progress_shows_the_beginning_of_the_results) {
 
 TEST(Replay, records_health_after_a_clock_jump) {
   for (const ClockJump policy : {ClockJump::kContinue, ClockJump::kReset}) {
-    RecoveringEkf robot({}, testing::hall(), testing::one_tag(), nullptr);
+    RecoveringEkf robot({}, {testing::hall(), testing::one_tag()});
     robot.start_at({0, {1.0, 1.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
     MessageLog log;
     for (int k = 0; k < 900; ++k) {

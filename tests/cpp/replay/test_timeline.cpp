@@ -19,7 +19,7 @@ using testing::same_bits;
 const auto kNoSink = [](std::size_t, const Outcome&) {};
 
 PoseEkf ekf_for(const testing::Simulation& run) {
-  return {{}, testing::hall(), testing::one_tag(), run.start};
+  return {{}, {testing::hall(), testing::one_tag()}, run.start};
 }
 
 /// A run with every kind of message, some at equal stamps, some that the filter rejects.

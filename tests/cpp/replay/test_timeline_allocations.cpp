@@ -10,7 +10,7 @@ namespace {
 
 TEST(Timeline, allocates_nothing_per_message_in_order_once_the_history_has_filled) {
   const testing::Simulation run = testing::simulate(1, 600.0);
-  Timeline<PoseEkf> timeline({{}, testing::hall(), testing::one_tag(), run.start},
+  Timeline<PoseEkf> timeline({{}, {testing::hall(), testing::one_tag()}, run.start},
                              2 * testing::kSecond);
   std::size_t fused = 0;
   const auto sink = [&](std::size_t, const Outcome& o) {
@@ -31,7 +31,7 @@ TEST(Timeline, allocates_nothing_per_message_in_order_once_the_history_has_fille
 
 TEST(Timeline, memory_stays_bounded_when_messages_come_late) {
   const testing::Simulation run = testing::simulate(2, 600.0);
-  Timeline<PoseEkf> timeline({{}, testing::hall(), testing::one_tag(), run.start},
+  Timeline<PoseEkf> timeline({{}, {testing::hall(), testing::one_tag()}, run.start},
                              2 * testing::kSecond);
   const auto sink = [](std::size_t, const Outcome&) {};
   const std::size_t warm = 4000;

@@ -26,16 +26,16 @@ struct OfPoseEkf {
 struct OfAirEkf {
   static AirEkf make() {
     const Matrix<4, 4> P = 0.01 * Matrix<4, 4>::Identity();
-    return {{}, testing::hall(), testing::one_tag(), {0, kStart, 0.0, P}};
+    return {{}, {testing::hall(), testing::one_tag()}, {0, kStart, 0.0, P}};
   }
 };
 struct OfLandmarkEkf {
-  static LandmarkEkf make() { return {{}, {0, kStart, 0.01 * Matrix<3, 3>::Identity()}}; }
+  static LandmarkEkf make() { return {{}, {}, {0, kStart, 0.01 * Matrix<3, 3>::Identity()}}; }
 };
 struct OfTagTriangleEkf {
   static TagTriangleEkf make() {
     const PoseEstimate start{0, kStart, 0.01 * Matrix<3, 3>::Identity()};
-    return {{}, testing::triangle(), start, testing::hall()};
+    return {{}, {testing::hall(), testing::triangle()}, start};
   }
 };
 
@@ -424,7 +424,7 @@ TEST(Timeline, a_clock_jump_before_the_start_restarts) {
   TimelineOptions options;
   options.clock_jump = ClockJump::kContinue;
   options.jump_after = 1;
-  Timeline<RecoveringEkf> timeline({{}, testing::hall(), testing::one_tag(), nullptr}, 0, options);
+  Timeline<RecoveringEkf> timeline({{}, {testing::hall(), testing::one_tag()}}, 0, options);
   timeline.on(Velocity{kSecond, 0.0, 0.0}, kNoSink);
   EXPECT_NO_THROW(timeline.on(Velocity{0, 0.0, 0.0}, kNoSink));
   EXPECT_EQ(timeline.jumps(), 1U);

@@ -25,7 +25,7 @@ const PoseEstimate kStart{0, {}, 1e-4 * Matrix<3, 3>::Identity()};
 RecoveringEkf mapping() {
   RecoveringEkf::Config config;
   config.tracker = LandmarkEkf::Config{};
-  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(), {}, nullptr);
+  RecoveringEkf ekf(config, {});
   ekf.start_at(kStart);
   return ekf;
 }
@@ -67,7 +67,7 @@ Outcomes feed(Timeline<RecoveringEkf>& timeline, const std::vector<Message>& mes
 
 /// What `on_joint` makes of the same, an instant at a time.
 LandmarkEkf directly(const std::vector<Message>& messages) {
-  LandmarkEkf ekf({}, kStart);
+  LandmarkEkf ekf({}, {}, kStart);
   for (std::size_t i = 0; i < messages.size();) {
     if (const auto* odometry = std::get_if<Velocity>(&messages[i])) {
       ekf.on(*odometry);
@@ -159,7 +159,7 @@ TEST(TimelineJoint, a_sighting_that_is_not_valid_is_forgotten_and_the_others_sta
 TEST(TimelineJoint, at_one_stamp_odometry_comes_first) {
   RecoveringEkf::Config config;
   config.tracker = TagTriangleEkf::Config{};
-  RecoveringEkf ekf(config, std::make_shared<const AnchorMap>(), testing::triangle(), nullptr);
+  RecoveringEkf ekf(config, {{}, testing::triangle()});
   ekf.start_at({0, {}, 0.01 * Matrix<3, 3>::Identity()});
   const Increment motion{0, kSecond, {0.3, 0.0, 0.1}};
   const PositionFix fix{0, {0.6, 0.1}, 0.01 * Matrix<2, 2>::Identity(), 10};

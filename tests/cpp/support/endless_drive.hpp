@@ -122,8 +122,8 @@ class EndlessDrive {
 /// Settings for an endless drive: a second of history, and relocalization after a blackout.
 [[nodiscard]] inline Timeline<RecoveringEkf> endless_timeline(Stamp history = kSecond) {
   RecoveringEkf::Config config;
-  config.estimator.robust_range = NoiseKind::kOneSided;
-  RecoveringEkf robot(config, hall(), one_tag(), nullptr);
+  config.start.estimator.robust_range = NoiseKind::kOneSided;
+  RecoveringEkf robot(config, {hall(), one_tag()});
   robot.start_at(EndlessDrive::start());
   return Timeline<RecoveringEkf>(robot, history);
 }

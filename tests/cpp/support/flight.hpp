@@ -148,10 +148,10 @@ inline void by_itself(Rng& rng, Flight& flight, Stamp /*begin*/, Stamp /*end*/,
 [[nodiscard]] inline AirEkf air_ekf(const AirEkf::Config& config, const AirEstimate& start,
                                     std::vector<Anchor> anchors = corners()) {
   return {config,
-          std::make_shared<AnchorMap>(std::move(anchors)),
-          {{0, {0.3, -0.2, -0.1}}},
-          start,
-          {std::make_shared<LandmarkMap>(beacons()), {}}};
+          {std::make_shared<AnchorMap>(std::move(anchors)),
+           {{0, {0.3, -0.2, -0.1}}},
+           {std::make_shared<LandmarkMap>(beacons()), {}}},
+          start};
 }
 
 inline Outcome feed(AirEkf& ekf, const Driven& driven) {

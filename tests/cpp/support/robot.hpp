@@ -20,13 +20,20 @@ constexpr Stamp kSecond = 1'000'000'000;
                                                          {3, {-10.0, 10.0, 2.0}}});
 }
 
+/// A world with nothing but a landmark sensor, there on the body.
+[[nodiscard]] inline World sensor_at(const Pose2& T_body_sensor) {
+  World world;
+  world.landmarks.T_body_sensor = T_body_sensor;
+  return world;
+}
+
 /// Tag 0, off-centre.
 [[nodiscard]] inline std::vector<Tag> one_tag() { return {{0, {0.3, -0.2, 1.0}}}; }
 
 /// An estimate at `pose` with sigmas of 0.1 m and 0.05 rad.
 [[nodiscard]] inline PoseEkf ekf_at(const Pose2& pose, const PoseEkf::Config& config = {}) {
   const Vector<3> variances(0.01, 0.01, 0.0025);
-  return {config, hall(), one_tag(), {0, pose, variances.asDiagonal()}};
+  return {config, {hall(), one_tag()}, {0, pose, variances.asDiagonal()}};
 }
 
 /// The range that tag 0 measures at `pose`, plus `error`.

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/maps/occupancy_grid.hpp"
 #include "locfuse/messages/messages.hpp"
 #include "support/random.hpp"
@@ -43,6 +44,13 @@ inline void add_box(Walls& walls, const Pose2& middle, double length, double wid
 }
 
 /// Map of the walls: the cells they pass through are occupied, all others free.
+/// A world with nothing but a map of walls.
+[[nodiscard]] inline World on_map(std::shared_ptr<const OccupancyGrid> grid) {
+  World world;
+  world.grid = std::move(grid);
+  return world;
+}
+
 [[nodiscard]] inline std::shared_ptr<const OccupancyGrid> map_of(const Walls& walls, int width,
                                                                  int height, double resolution,
                                                                  const Pose2& origin) {

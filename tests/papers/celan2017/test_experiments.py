@@ -157,7 +157,7 @@ class IndependentErrors(_core.RecoveringEkfConfig):
 
     def __init__(self) -> None:
         super().__init__()
-        self.estimator.correlation_s = 0.0
+        self.start.estimator.correlation_s = 0.0
 
 
 def test_uwb_that_comes_back_is_not_certain_of_a_wrong_place(

@@ -19,8 +19,11 @@ START = lf.PoseEstimate(0, lf.Pose2(0.0, 0.0, 0.0), np.diag([0.1, 0.1, 0.1]) ** 
 def air_ekf(config: lf.AirEkfConfig | None = None) -> lf.AirEkf:
     anchors = lf.AnchorMap([lf.Anchor(1, [3.0, 0.0, 5.0]), lf.Anchor(2, [-4.0, 4.0, 0.0])])
     start = lf.AirEstimate(0, START.pose, 1.0, np.diag([0.1, 0.1, 0.1, 0.2]) ** 2)
-    return lf.AirEkf(config or lf.AirEkfConfig(), anchors, [lf.Tag(0, [0.0, 0.0, 0.0])], start,
-                     lf.LandmarkSensor(BEACONS))  # fmt: skip
+    return lf.AirEkf(
+        config or lf.AirEkfConfig(),
+        lf.World(anchors, [lf.Tag(0, [0.0, 0.0, 0.0])], lf.LandmarkSensor(BEACONS)),
+        start,
+    )
 
 
 def test_every_message_is_fused() -> None:
@@ -76,10 +79,10 @@ def test_only_what_flies_takes_an_elevation() -> None:
     sight = lf.LandmarkSensor(lf.LandmarkMap([lf.Landmark(7, [4.0, 3.0])]))
     anchors = lf.AnchorMap([])
     planar: list[Callable[[lf.RangeBearing], object]] = [
-        lf.PoseEkf(lf.PoseEkfConfig(), anchors, [], START, sight).on,
-        lf.LandmarkEkf(lf.LandmarkEkfConfig(), START).on,
-        lf.RecoveringEkf(lf.RecoveringEkfConfig(), landmarks=sight).on,
-        lf.Initializer(lf.InitializerConfig(), lf.PoseEkfConfig(), anchors, []).on,
+        lf.PoseEkf(lf.PoseEkfConfig(), lf.World(anchors, landmarks=sight), START).on,
+        lf.LandmarkEkf(lf.LandmarkEkfConfig(), lf.World(), START).on,
+        lf.RecoveringEkf(lf.RecoveringEkfConfig(), lf.World(landmarks=sight)).on,
+        lf.Initializer(lf.InitializerConfig(), lf.World(anchors)).on,
     ]
     for take in planar:
         with pytest.raises(ValueError, match="elevation"):

@@ -24,7 +24,7 @@ def make_ekf(gate: float = 0.999) -> lf.PoseEkf:
     config.gate_range = gate
     anchors = lf.AnchorMap([lf.Anchor(i, at) for i, at in enumerate(ANCHORS)])
     start = lf.PoseEstimate(0, lf.Pose2(3.0, 2.0, 0.3), np.diag([0.3, 0.2, 0.1]) ** 2)
-    return lf.PoseEkf(config, anchors, [lf.Tag(0, TAG_IN_BODY.tolist())], start)
+    return lf.PoseEkf(config, lf.World(anchors, [lf.Tag(0, TAG_IN_BODY.tolist())]), start)
 
 
 def bits(ekf: lf.PoseEkf) -> tuple[int, bytes, bytes]:
@@ -165,14 +165,14 @@ def test_an_estimate_of_the_past_is_refused() -> None:
 def test_a_start_that_is_not_finite_is_refused(pose: tuple[float, float, float]) -> None:
     start = lf.PoseEstimate(0, lf.Pose2(*pose), np.eye(3))
     with pytest.raises(ValueError, match="finite"):
-        lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), [], start)
+        lf.PoseEkf(lf.PoseEkfConfig(), lf.World(), start)
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, math.nan, math.inf])
 def test_a_start_without_a_proper_covariance_is_refused(scale: float) -> None:
     start = lf.PoseEstimate(0, lf.Pose2(), np.diag([1.0, scale, 1.0]))
     with pytest.raises(ValueError, match="covariance"):
-        lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), [], start)
+        lf.PoseEkf(lf.PoseEkfConfig(), lf.World(), start)
 
 
 def test_duplicate_ids_and_places_that_are_not_finite_are_refused() -> None:
@@ -183,7 +183,7 @@ def test_duplicate_ids_and_places_that_are_not_finite_are_refused() -> None:
     start = lf.PoseEstimate(0, lf.Pose2(), np.eye(3))
     for tags in ([lf.Tag(1, [0, 0, 0])] * 2, [lf.Tag(1, [math.inf, 0, 0])]):
         with pytest.raises(ValueError, match="tag 1"):
-            lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), tags, start)
+            lf.PoseEkf(lf.PoseEkfConfig(), lf.World(tags=tags), start)
 
 
 def test_a_linearization_that_is_no_measurement_is_refused() -> None:
@@ -204,8 +204,9 @@ def test_a_linearization_that_is_no_measurement_is_refused() -> None:
 
 
 def test_a_deep_copy_is_a_snapshot() -> None:
-    ekf = lf.PoseEkf(lf.PoseEkfConfig(), lf.AnchorMap([]), [],
-                     lf.PoseEstimate(0, lf.Pose2(1, 2, 0), np.eye(3)))  # fmt: skip
+    ekf = lf.PoseEkf(
+        lf.PoseEkfConfig(), lf.World(), lf.PoseEstimate(0, lf.Pose2(1, 2, 0), np.eye(3))
+    )
     snapshot = copy.deepcopy(ekf)
     ekf.on(lf.Increment(0, 1_000_000_000, lf.Pose2(0.5, 0, 0)))
     assert snapshot.estimate().pose == lf.Pose2(1, 2, 0)

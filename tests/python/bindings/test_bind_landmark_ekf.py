@@ -13,7 +13,9 @@ import locfuse.core as lf
 
 def ekf_with(*known: lf.KnownLandmark) -> lf.LandmarkEkf:
     start = lf.PoseEstimate(0, lf.Pose2(0, 0, 0), 1e-4 * np.eye(3))
-    return lf.LandmarkEkf(lf.LandmarkEkfConfig(), start, lf.Pose2(0, 0, 0), list(known))
+    config = lf.LandmarkEkfConfig()
+    config.known = list(known)
+    return lf.LandmarkEkf(config, lf.World(), start)
 
 
 def test_landmarks_come_back_as_arrays() -> None:
@@ -57,7 +59,7 @@ def test_mistakes_are_value_errors() -> None:
     config.min_sightings = 0
     start = lf.PoseEstimate(0, lf.Pose2(0, 0, 0), np.eye(3))
     with pytest.raises(ValueError, match="min_sightings is 0, expected >= 1"):
-        lf.LandmarkEkf(config, start)
+        lf.LandmarkEkf(config, lf.World(), start)
     with pytest.raises(ValueError, match="one stamp"):
         ekf_with().on_joint(
             [lf.RangeBearing(0, None, 1.0, 0.0), lf.RangeBearing(1, None, 1.0, 0.0)]

@@ -21,7 +21,7 @@ IDS = np.zeros(4, dtype=np.int32)
 def make_ekf() -> lf.PoseEkf:
     anchors = lf.AnchorMap([lf.Anchor(0, [0, 0, 0]), lf.Anchor(1, [8, 0, 0])])
     start = lf.PoseEstimate(0, lf.Pose2(3.0, 2.0, 0.3), 0.01 * np.eye(3))
-    return lf.PoseEkf(lf.PoseEkfConfig(), anchors, [lf.Tag(0, [0, 0, 0])], start)
+    return lf.PoseEkf(lf.PoseEkfConfig(), lf.World(anchors, [lf.Tag(0, [0, 0, 0])]), start)
 
 
 def drive(rows: int = 400, seed: int = 5) -> tuple[lf.MessageLog, list[Any]]:

@@ -25,7 +25,7 @@ def epoch(stamp: int = 0, sigma: float = 0.1) -> list[lf.PositionFix]:
 
 
 def ekf(config: lf.TagTriangleEkfConfig | None = None) -> lf.TagTriangleEkf:
-    return lf.TagTriangleEkf(config or lf.TagTriangleEkfConfig(), TAGS, START)
+    return lf.TagTriangleEkf(config or lf.TagTriangleEkfConfig(), lf.World(tags=TAGS), START)
 
 
 # The rigid fit ----------------------------------------------------------------------------------
@@ -88,7 +88,7 @@ def test_swapped_ids_are_named() -> None:
     assert order.nis > order.limit > order.best
     assert "as tags 1, 2, 3" in str(order)
     with pytest.raises(ValueError, match="as tags 1, 2, 3"):
-        lf.TagTriangleEkf(lf.TagTriangleEkfConfig(), TAGS, swapped)
+        lf.TagTriangleEkf(lf.TagTriangleEkfConfig(), lf.World(tags=TAGS), swapped)
 
 
 # Conditioning -----------------------------------------------------------------------------------
@@ -125,7 +125,7 @@ def test_a_conditioner_passes_rejects_and_recognises() -> None:
 
 def test_every_message_is_fused() -> None:
     anchors = lf.AnchorMap([lf.Anchor(7, [0.0, 0.0, 2.0])])
-    filt = lf.TagTriangleEkf(lf.TagTriangleEkfConfig(), TAGS, epoch(), anchors)
+    filt = lf.TagTriangleEkf(lf.TagTriangleEkfConfig(), lf.World(anchors, TAGS), epoch())
     assert filt.sides.dof == 3
     far = float(np.hypot(np.hypot(*WORLD[0]), 1.0))
     assert filt.on(lf.Velocity(0, 0.1, 0.0)).verdict == lf.Verdict.FUSED
@@ -169,7 +169,7 @@ def test_configuration_holds_the_sides_of_a_tape() -> None:
         ekf(config)
     flat = [lf.Tag(i, [0.5 * i, 0.0, 0.0]) for i in range(3)]
     with pytest.raises(ValueError, match="line"):
-        lf.TagTriangleEkf(lf.TagTriangleEkfConfig(), flat, START)
+        lf.TagTriangleEkf(lf.TagTriangleEkfConfig(), lf.World(tags=flat), START)
 
 
 def test_models_give_what_the_filter_fuses() -> None:

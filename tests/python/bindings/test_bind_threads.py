@@ -29,7 +29,7 @@ def make_mcl() -> tuple[lf.Mcl, lf.LaserGeometry, np.ndarray]:
     grid, geometry, seen = make_room()
     config = lf.MclConfig()
     config.spacing_m = 0.0
-    return lf.Mcl(config, grid), geometry, seen
+    return lf.Mcl(config, lf.World(grid=grid)), geometry, seen
 
 
 def test_others_wait_until_particles_have_been_weighed_and_whoever_is_called_back_does_not() -> (
@@ -95,7 +95,7 @@ def test_particles_are_read_while_other_threads_weigh_them() -> None:
 
 
 def test_a_pose_is_read_while_other_threads_tell_of_it() -> None:
-    live = lf.Live(lf.RecoveringEkf(lf.RecoveringEkfConfig()))
+    live = lf.Live(lf.RecoveringEkf(lf.RecoveringEkfConfig(), lf.World()))
     live.start_at(lf.PoseEstimate(0, lf.Pose2(1, 2, 0), 0.01 * np.eye(3)))
     stamps = iter(range(10**6, 10**12, 10**6))
 

@@ -227,7 +227,9 @@ def test_particles_with_a_given_start_have_protection_levels() -> None:
 def test_one_stamp_a_century_ahead_silences_nothing() -> None:
     second = 10**9
     for jump in (_core.ClockJump.REFUSE, _core.ClockJump.RESET, _core.ClockJump.CONTINUE):
-        live = _core.Live(_core.RecoveringEkf(_core.RecoveringEkfConfig()), clock_jump=jump)
+        live = _core.Live(
+            _core.RecoveringEkf(_core.RecoveringEkfConfig(), _core.World()), clock_jump=jump
+        )
         live.start_at(_core.PoseEstimate(0, _core.Pose2(1.0, 2.0, 0.0), 0.01 * np.eye(3)))
         stamps = [k * second // 10 for k in range(1, 30)]
         stamps.insert(5, 4 * 10**18)

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "locfuse/estimators/held_motion.hpp"
-#include "locfuse/estimators/landmark_sensor.hpp"
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/noise_shape.hpp"
@@ -91,8 +91,7 @@ class AirEkf {
   /// Starts from `start`, with constant velocity at rest but for what its sigmas say. Throws
   /// std::invalid_argument on a config out of range or a start that is not finite and positive
   /// definite.
-  AirEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-         const AirEstimate& start, LandmarkSensor landmarks = {});
+  AirEkf(const Config& config, const World& world, const AirEstimate& start);
 
   /// Odometry in the plane, and the climb rate [m/s] that goes with it for as long. Ignored with
   /// constant velocity.

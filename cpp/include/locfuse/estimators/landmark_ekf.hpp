@@ -7,6 +7,7 @@
 
 #include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/filters/association.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
@@ -63,13 +64,13 @@ class LandmarkEkf {
     double hold_s = 1.0;            ///< as of a PoseEkf [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< as of a PoseEkf [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< as of a PoseEkf [rad / sqrt(s)]
+    std::vector<KnownLandmark> known;            ///< that it begins with
   };
 
-  /// Starts from `start`; `T_body_sensor` is the pose of the landmark sensor. Throws
+  /// Starts from `start`; of the world it takes where the landmark sensor sits. Throws
   /// std::invalid_argument on a config out of range, a start that is not finite and positive
   /// definite, or landmarks that are given twice or have no valid position or covariance.
-  LandmarkEkf(const Config& config, const PoseEstimate& start, const Pose2& T_body_sensor = {},
-              const std::vector<KnownLandmark>& known = {});
+  LandmarkEkf(const Config& config, const World& world, const PoseEstimate& start);
 
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);

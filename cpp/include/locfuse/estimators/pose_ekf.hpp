@@ -8,8 +8,8 @@
 #include "locfuse/estimators/adaptive_noise.hpp"
 #include "locfuse/estimators/calibration.hpp"
 #include "locfuse/estimators/held_motion.hpp"
-#include "locfuse/estimators/landmark_sensor.hpp"
 #include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/filters/association.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
@@ -66,8 +66,7 @@ class PoseEkf {
 
   /// Starts from `start`. Throws std::invalid_argument on a config out of range or a start that is
   /// not finite and positive definite.
-  PoseEkf(const Config& config, const std::shared_ptr<const AnchorMap>& anchors,
-          std::vector<Tag> tags, const PoseEstimate& start, LandmarkSensor landmarks = {});
+  PoseEkf(const Config& config, const World& world, const PoseEstimate& start);
 
   /// The same filter, started anew: models and gates are shared, so this is cheap. Throws as the
   /// constructor does.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/filters/belief.hpp"
 #include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/outcome.hpp"
@@ -56,17 +57,14 @@ class TagTriangleEkf {
   static constexpr int kTags = 3;
   static constexpr int kVariables = 12;
 
-  /// Starts from a pose, at rest but for what its sigma says. `anchors` may be null, then ranges
-  /// are not modelled. Throws std::invalid_argument on a config out of range, anything but three
-  /// tags that make a triangle, or a start that is not finite and positive definite.
-  TagTriangleEkf(const Config& config, const std::vector<Tag>& tags, const PoseEstimate& start,
-                 std::shared_ptr<const AnchorMap> anchors = nullptr);
+  /// Starts from a pose, at rest but for what its sigma says. Throws std::invalid_argument on a
+  /// config out of range, anything but three tags that make a triangle, or a start that is not
+  /// finite and positive definite.
+  TagTriangleEkf(const Config& config, const World& world, const PoseEstimate& start);
 
   /// Starts from a fix of each tag, of one stamp, and fuses the sides. Throws as above, and if the
   /// fixes do not fit the triangle: then it names the order of ids that would.
-  TagTriangleEkf(const Config& config, const std::vector<Tag>& tags,
-                 const std::vector<PositionFix>& start,
-                 std::shared_ptr<const AnchorMap> anchors = nullptr);
+  TagTriangleEkf(const Config& config, const World& world, const std::vector<PositionFix>& start);
 
   /// Of a tag that it names; kNotModelled without one.
   Outcome on(const PositionFix& z);

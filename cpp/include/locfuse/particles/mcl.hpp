@@ -37,11 +37,9 @@ class Mcl {
   /// Snapshots that a history of messages keeps. One takes 56 bytes a particle.
   static constexpr int kSnapshots = 8;
 
-  /// Starts with particles all over the free cells. `anchors` may be null. Throws
-  /// std::invalid_argument on a config out of range.
-  Mcl(const Config& config, const std::shared_ptr<const OccupancyGrid>& grid, Stamp start,
-      std::shared_ptr<const AnchorMap> anchors = nullptr, std::vector<Tag> tags = {},
-      LandmarkSensor landmarks = {});
+  /// Starts with particles all over the free cells. Throws std::invalid_argument on a config out
+  /// of range, and without a grid.
+  Mcl(const Config& config, const World& world, Stamp start);
 
   /// Restarts: anywhere in free space, or near poses in proportion to their probabilities. Throw
   /// std::invalid_argument for a pose, or a sigma of its position, beyond limits.distance_m.

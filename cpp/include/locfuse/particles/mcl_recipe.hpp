@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "locfuse/estimators/landmark_sensor.hpp"
 #include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/filters/gate.hpp"
 #include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
@@ -64,10 +64,9 @@ struct MclRecipe {
   [[nodiscard]] ParticleBins bins() const;
 };
 
-/// Throws std::invalid_argument on a config out of range, or a grid that a likelihood field cannot
-/// use. `anchors` may be null.
-[[nodiscard]] std::shared_ptr<const MclRecipe> make_mcl_recipe(
-    const MclConfig& config, const std::shared_ptr<const OccupancyGrid>& grid,
-    std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags, LandmarkSensor landmarks);
+/// Throws std::invalid_argument on a config out of range, and without a grid or with one that a
+/// likelihood field cannot use.
+[[nodiscard]] std::shared_ptr<const MclRecipe> make_mcl_recipe(const MclConfig& config,
+                                                               const World& world);
 
 }  // namespace locfuse::internal

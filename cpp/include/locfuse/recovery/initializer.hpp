@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "locfuse/estimators/landmark_sensor.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/estimators/world.hpp"
 #include "locfuse/frontends/heading_start.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/frontends/tag_conditioner.hpp"
@@ -47,6 +47,8 @@ enum class StartMethod : std::uint8_t {
 class Initializer {
  public:
   struct Config {
+    PoseEkf::Config estimator;  ///< of the hypotheses, and of the filter to go on with
+    std::optional<TagConditioner::Config> tag_conditioner;  ///< of the fixes of tags before use
     StartMethod method = StartMethod::kGaussianSum;
     double epoch_s = 0.2;               ///< ranges this close together give the first position [s]
     int headings = 36;                  ///< tried all around where no heading is known
@@ -73,12 +75,9 @@ class Initializer {
     std::optional<HeadingSearch> headings = {};
   };
 
-  /// `matcher` may be null: then the heading needs motion. With a `tag_conditioner` fixes of tags
-  /// are conditioned before they are used. Throws std::invalid_argument on a config out of range.
-  Initializer(const Config& config, const PoseEkf::Config& estimator,
-              std::shared_ptr<const AnchorMap> anchors, std::vector<Tag> tags,
-              std::shared_ptr<const ScanMatcher> matcher, LandmarkSensor landmarks = {},
-              const std::optional<TagConditioner::Config>& tag_conditioner = {});
+  /// Without a matcher the heading needs motion. Throws std::invalid_argument on a config out of
+  /// range.
+  Initializer(const Config& config, const World& world);
 
   /// Takes the robot for one that moves and never says how, until there is odometry: `place`.
   void expect_motion() { moves_ = true; }
@@ -175,7 +174,6 @@ class Initializer {
   void reduce();
 
   Config config_;
-  PoseEkf::Config estimator_;
   std::shared_ptr<const AnchorMap> anchors_;
   std::vector<Tag> tags_;
   std::shared_ptr<const ScanMatcher> matcher_;

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <variant>
 #include <vector>
 
 #include "locfuse/recovery/air_sum.hpp"
@@ -33,23 +34,19 @@ class RecoveringEkf {
   static constexpr Stamp kReportEvery = 100'000'000;
 
   struct Config {
-    /// Of the hypotheses of a start, and of what tracks from then on unless `tracker` is another.
-    PoseEkf::Config estimator;
+    /// Of the search for a start, with the PoseEkf of its hypotheses, which tracks from then on.
+    Initializer::Config start;
+    /// Of another filter that tracks instead.
     std::optional<std::variant<LandmarkEkf::Config, TagTriangleEkf::Config, AirEkf::Config>>
         tracker;
-    std::vector<KnownLandmark> known;  ///< landmarks that a LandmarkEkf begins with
-    double start_height = 0.0;         ///< at which an AirEkf begins [m]
-    double sigma_start_height = 0.3;   ///< [m]
-    Initializer::Config start;
+    double start_height = 0.0;        ///< at which an AirEkf begins [m]
+    double sigma_start_height = 0.3;  ///< [m]
     Health::Config health;
-    std::optional<TagConditioner::Config> tag_conditioner;  ///< of the fixes of tags
     bool restart = true;  ///< whether it looks for another place while it is lost
   };
 
   /// Not started. Throws std::invalid_argument on a config out of range.
-  RecoveringEkf(const Config& config, std::shared_ptr<const AnchorMap> anchors,
-                std::vector<Tag> tags, std::shared_ptr<const ScanMatcher> matcher,
-                LandmarkSensor landmarks = {});
+  RecoveringEkf(const Config& config, const World& world);
 
   /// Tracks from `start` on. Throws std::invalid_argument as a PoseEkf does.
   void start_at(const PoseEstimate& start);
@@ -125,14 +122,12 @@ class RecoveringEkf {
   struct Recipe {  // what never changes, shared by all snapshots
     Config config;
     Initializer fresh;  // without any message
-    std::shared_ptr<const AnchorMap> anchors;
-    std::vector<Tag> tags;
-    LandmarkSensor landmarks;
+    World world;
     bool restarts;  // whether it looks for another place while it is lost
 
     [[nodiscard]] AirSum::Config places() const {
       return {config.start.epoch_s, config.start.wrong_share, config.start.wrong_span_m,
-              config.estimator.correlation_s};
+              config.start.estimator.correlation_s};
     }
   };
 
@@ -166,7 +161,7 @@ class RecoveringEkf {
   std::optional<AirSum> places_;               // whose mean an AirEkf is while its belief is vague
   std::optional<TagConditioner> conditioner_;  // of the fixes that the tracker fuses
   Health health_;
-  std::optional<Message> control_;  // the last odometry
+  std::optional<std::variant<Velocity, Increment>> control_;  // the last odometry
   Stamp newest_ = 0;                // of the measurements received while it tracked, fused or not
   bool was_lost_ = false;
   int alarms_ = 0;
