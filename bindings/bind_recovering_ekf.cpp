@@ -53,6 +53,8 @@ True
 (False, 0.0)
 )")
       .def(py::init<const Config&, const locfuse::World&>(), py::arg("config"), py::arg("world"))
+      .def_property_readonly("config", &RecoveringEkf::config)
+      .def_property_readonly("world", &RecoveringEkf::world)
       .def("start_at", &RecoveringEkf::start_at, py::arg("start"),
            "Tracks from a PoseEstimate.\n\nRaises\n------\nValueError\n    As a PoseEkf does.")
       .def(

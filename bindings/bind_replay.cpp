@@ -6,6 +6,7 @@
 
 #include "alone.hpp"
 #include "bindings.hpp"
+#include "columns.hpp"
 #include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"
@@ -22,36 +23,6 @@ using locfuse::RunLog;
 using locfuse::Stamp;
 
 namespace {
-
-py::array_t<double> poses_of(const std::vector<PoseEstimate>& estimates) {
-  std::vector<double> rows;
-  rows.reserve(3 * estimates.size());
-  for (const PoseEstimate& e : estimates) {
-    rows.insert(rows.end(), {e.pose.x, e.pose.y, e.pose.heading});
-  }
-  return to_numpy(std::move(rows), {static_cast<py::ssize_t>(estimates.size()), 3});
-}
-
-py::array_t<double> covariances_of(const std::vector<PoseEstimate>& estimates) {
-  std::vector<double> rows;
-  rows.reserve(9 * estimates.size());
-  for (const PoseEstimate& e : estimates) {
-    rows.insert(rows.end(), e.covariance.data(), e.covariance.data() + 9);
-  }
-  return to_numpy(std::move(rows), {static_cast<py::ssize_t>(estimates.size()), 3, 3});
-}
-
-template <class T, class Items, class Field>
-py::array_t<T> column_of(const Items& items, const Field& field) {
-  py::array_t<T> column(static_cast<py::ssize_t>(items.size()));
-  std::transform(items.begin(), items.end(), column.mutable_data(), field);
-  return column;
-}
-
-py::array_t<std::uint8_t> verdicts_of(const std::vector<Outcome>& outcomes) {
-  return column_of<std::uint8_t>(
-      outcomes, [](const Outcome& o) { return static_cast<std::uint8_t>(o.verdict); });
-}
 
 std::vector<PoseEstimate> estimates_of(const LocalizeRun& run) {
   std::vector<PoseEstimate> estimates;
@@ -117,24 +88,6 @@ void bind_health_columns(py::class_<Run>& bound, const ItemsOf& items_of,
           "Protection levels of x, y [m] and heading [rad], (k, 3).");
 }
 
-/// Binds what became of each message.
-template <class Run>
-void bind_outcome_columns(py::class_<Run>& bound) {
-  bound
-      .def_property_readonly(
-          "verdict", [](const Run& r) { return verdicts_of(r.outcomes); },
-          "Index into Verdict, one per message in order of arrival.")
-      .def_property_readonly(
-          "limit",
-          [](const Run& r) {
-            return column_of<double>(r.outcomes, [](const auto& o) { return o.limit; });
-          },
-          "Largest `nis` that the gate passes, or distance that conditioning allows [m].")
-      .def_property_readonly("residual", [](const Run& r) {
-        return column_of<double>(r.outcomes, [](const auto& o) { return o.residual; });
-      });
-}
-
 /// Progress callback: number of processed messages, and a function that returns a copy of the run.
 template <class Run>
 using Progress = std::optional<std::function<void(std::size_t, std::function<Run()>)>>;
@@ -196,17 +149,9 @@ void bind_replay(py::module_& m) {
       run_log, [](const RunLog& r) -> const auto& { return r.health; },
       [](const locfuse::HealthReport& h) -> const auto& { return h; });
   bind_outcome_columns(run_log);
+  bind_estimate_columns(
+      run_log, [](const RunLog& r) -> const auto& { return r.estimates; });
   run_log
-      .def_property_readonly(
-          "stamp_ns",
-          [](const RunLog& r) {
-            return column_of<Stamp>(r.estimates, [](const auto& e) { return e.stamp; });
-          },
-          "Stamps of the estimates, (n,).")
-      .def_property_readonly(
-          "poses", [](const RunLog& r) { return poses_of(r.estimates); }, "x, y, heading, (n, 3).")
-      .def_property_readonly(
-          "covariances", [](const RunLog& r) { return covariances_of(r.estimates); }, "(n, 3, 3).")
       .def_property_readonly(
           "heights",
           [](const RunLog& r) {
@@ -224,16 +169,6 @@ void bind_replay(py::module_& m) {
             return to_numpy(std::move(rows), {static_cast<py::ssize_t>(r.in_space.size()), 4, 4});
           },
           "Of (x, y, heading, height), (n, 4, 4); else empty.")
-      .def_property_readonly("dof",
-                             [](const RunLog& r) {
-                               return column_of<std::int64_t>(
-                                   r.outcomes, [](const Outcome& o) { return o.dof; });
-                             })
-      .def_property_readonly("nis",
-                             [](const RunLog& r) {
-                               return column_of<double>(r.outcomes,
-                                                        [](const auto& o) { return o.nis; });
-                             })
       .def_property_readonly("log_likelihood",
                              [](const RunLog& r) {
                                return column_of<double>(

@@ -33,6 +33,7 @@ void bind_tags(pybind11::module_& m);
 void bind_message_log(pybind11::module_& m);
 void bind_replay(pybind11::module_& m);
 void bind_live(pybind11::module_& m);
+void bind_smoothing(pybind11::module_& m);
 void bind_text(pybind11::module_& m);
 
 /// Linearization of any size, the type Python constructs and receives.

@@ -58,6 +58,7 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_message_log(m);
   bind_live(m);
   bind_replay(m);
+  bind_smoothing(m);
   bind_text(m);
   refuse_pickling(m);
 }

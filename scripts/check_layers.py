@@ -23,7 +23,8 @@ MAY_INCLUDE = {
 }
 MAY_INCLUDE["recovery"] = MAY_INCLUDE["estimators"] | {"estimators"}
 MAY_INCLUDE["particles"] = MAY_INCLUDE["recovery"] | {"recovery"}
-MAY_INCLUDE["replay"] = MAY_INCLUDE["particles"] - {"frontends"} | {"particles"}
+MAY_INCLUDE["smoothing"] = MAY_INCLUDE["estimators"] | {"estimators"}
+MAY_INCLUDE["replay"] = MAY_INCLUDE["particles"] - {"frontends"} | {"particles", "smoothing"}
 INCLUDE = re.compile(r'^\s*#\s*include\s+(["<])([^">]+)[">]', re.MULTILINE)
 
 

@@ -138,6 +138,7 @@ __all__: list[str] = [
     "ScanSearchStatus",
     "Slot",
     "SlotKind",
+    "Smoothed",
     "SolverComparison",
     "Source",
     "SourceStatus",
@@ -177,6 +178,7 @@ __all__: list[str] = [
     "recognize_landmarks",
     "replay",
     "rigid_fit",
+    "smooth",
     "tag_order",
     "update",
     "wrap_angle",
@@ -4779,6 +4781,8 @@ class RecoveringEkf:
         Number of times the estimate was declared lost.
         """
     @property
+    def config(self) -> RecoveringEkfConfig: ...
+    @property
     def is_lost(self) -> bool:
         """
         Whether there is no trustworthy estimate.
@@ -4793,6 +4797,8 @@ class RecoveringEkf:
         """
         One SourceStatus per source.
         """
+    @property
+    def world(self) -> World: ...
 
 class LikelihoodFieldConfig:
     """
@@ -5941,6 +5947,8 @@ class LocalizeRun:
         (n, 3, 3).
         """
     @property
+    def dof(self) -> numpy.typing.NDArray[numpy.int64]: ...
+    @property
     def explained(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         Fraction of the scan's returns that end at a wall, (n,).
@@ -5970,6 +5978,8 @@ class LocalizeRun:
         """
         Largest `nis` that the gate passes, or distance that conditioning allows [m].
         """
+    @property
+    def nis(self) -> numpy.typing.NDArray[numpy.float64]: ...
     @property
     def particles(self) -> numpy.typing.NDArray[numpy.int64]:
         """
@@ -6026,6 +6036,68 @@ class LocalizeRun:
     def wrong(self) -> numpy.typing.NDArray[numpy.float64]:
         """
         Probability that the pose is wrong, (k,).
+        """
+
+class Smoothed:
+    """
+    What all messages of a log together say.
+    """
+    def __repr__(self) -> str: ...
+    def in_place_of(self, run: RunLog) -> RunLog:
+        """
+        RunLog of a filter with these estimates and outcomes instead of its own.
+        """
+    @property
+    def converged(self) -> bool: ...
+    @property
+    def cost(self) -> float:
+        """
+        Half the sum of squared residuals in sigmas.
+        """
+    @property
+    def covariances(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (n, 3, 3).
+        """
+    @property
+    def dof(self) -> numpy.typing.NDArray[numpy.int64]: ...
+    @property
+    def errors(self) -> list[CalibratedError]:
+        """
+        A CalibratedError per offset of an anchor.
+        """
+    @property
+    def initial_cost(self) -> float: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def limit(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Largest `nis` that the gate passes, or distance that conditioning allows [m].
+        """
+    @property
+    def nis(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    @property
+    def poses(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        x, y, heading, (n, 3).
+        """
+    @property
+    def residual(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    @property
+    def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Stamps of the estimates, (n,).
+        """
+    @property
+    def termination(self) -> str:
+        """
+        What the solver said last.
+        """
+    @property
+    def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
+        """
+        Index into Verdict, one per message in order of arrival.
         """
 
 def arc(
@@ -6483,6 +6555,57 @@ def rigid_fit(
     >>> fit = rigid_fit([[1, 0], [-1, 0]], [[2, 4], [2, 2]], 0.01 * np.eye(4))
     >>> round(fit.pose.x, 6), round(fit.pose.y, 6), round(fit.pose.heading, 6)
     (2.0, 3.0, 1.570796)
+    """
+
+def smooth(
+    config: PoseEkfConfig,
+    world: World,
+    start: PoseEstimate,
+    log: MessageLog,
+    used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
+    keyframe_s: typing.SupportsFloat | typing.SupportsIndex = 0.2,
+    max_iterations: typing.SupportsInt | typing.SupportsIndex = 100,
+) -> Smoothed:
+    """
+    Find all poses of a log at once, by all of its messages (docs/smoothing.md).
+
+    Parameters
+    ----------
+    config : PoseEkfConfig
+        Models, gates and noise.
+    world : World
+    start : PoseEstimate
+    log : MessageLog
+    used_until : int, optional
+        Messages that take effect up to this stamp were used for the start and stay IGNORED [ns].
+    keyframe_s : float
+        Without measurements there is a pose at least so often [s].
+    max_iterations : int
+        Of the solver, each time it is called.
+
+    Returns
+    -------
+    Smoothed
+        Poses at the stamps of measurements, and between.
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range, or nothing was measured after the start.
+    NumericalError
+        If the solver fails.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse.core import *
+    >>> log = MessageLog()
+    >>> log.add_velocities([0], [1.0], [0.0])
+    >>> log.add_positions([2 * 10**9], [[2.2, 0.0]], [0.1])
+    >>> start = PoseEstimate(0, Pose2(0, 0, 0), 0.01 * np.eye(3))
+    >>> batch = smooth(PoseEkfConfig(), World(), start, log)
+    >>> bool(batch.poses[0, 0] > 0.0 and batch.poses[-1, 0] > 2.0)
+    True
     """
 
 def tag_order(

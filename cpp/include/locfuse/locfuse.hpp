@@ -38,4 +38,5 @@
 #include "locfuse/replay/localize.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"
+#include "locfuse/smoothing/smoother.hpp"
 #include "locfuse/time.hpp"

@@ -829,6 +829,8 @@ class RunConfig(Strict):
     """Monitor of [how far the estimate may be trusted](health.md)."""
     when_lost: Literal["restart", "go_on"] = "restart"
     """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` continues."""
+    smooth: bool = False
+    """Estimate [all poses at once](smoothing.md), by all messages of the log."""
     mcl: Mcl | None = None
     """Fuse scans on the map of the log, too: [Localize on a map](localize.md)."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
@@ -934,6 +936,16 @@ class RunConfig(Strict):
             raise ValueError("tag_conditioner conditions what an EKF fuses, but particles fuse "
                              "positions themselves; set mcl.switch or mcl.poses_hz, or remove "
                              "it")  # fmt: skip
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_smoothed(self) -> RunConfig:
+        for key, is_there in (("estimator.kind", self.estimator.kind != "pose"),
+                              ("mcl without poses_hz", self.mcl and not self.mcl.poses_hz),
+                              ("tag_conditioner", self.tag_conditioner),
+                              ("switched_off", self.switched_off)):  # fmt: skip
+            if self.smooth and is_there:
+                raise ValueError(f"smooth does not go with {key}; remove one of the two")
         return self
 
     @model_validator(mode="after")

@@ -109,6 +109,8 @@ class LiveRun:
         if config.start == "truth":
             raise ConfigError("start is 'truth', which a robot does not know; expected 'auto' or "
                               "[x, y, heading_deg]")  # fmt: skip
+        if config.smooth:
+            raise ConfigError("smooth needs the whole log, and a live run has no end; remove it")
         if config.mcl is not None and world.grid is None:
             raise ConfigError("mcl needs a map, but the world has none; add 'map: FILE.yaml' to "
                               "its log.yaml, or remove mcl")  # fmt: skip

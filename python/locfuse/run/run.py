@@ -195,6 +195,12 @@ def _fuse(
         max_messages=config.history_messages,
         switches=_switches(config),
     )
+    if config.smooth:
+        if record.jumps:
+            raise LogError("smooth needs stamps of one clock, but the log's goes back; cut the log")
+        ekf = started.filter
+        record = _core.smooth(ekf.config.start.estimator, ekf.world, ekf.current(), messages.log,
+                              started.used_until).in_place_of(record)  # fmt: skip
     result = result_of(record, log, messages)
     if progress is not None:
         progress(total, total)

@@ -107,6 +107,8 @@ class RecoveringEkf {
   /// The same, tracking anew from `start`, as a PoseEkf does. A LandmarkEkf keeps its map and its
   /// pose, an AirEkf its place and velocity, and takes the stamp alone.
   [[nodiscard]] RecoveringEkf restarted(const PoseEstimate& start) const;
+  [[nodiscard]] const Config& config() const { return recipe_->config; }
+  [[nodiscard]] const World& world() const { return recipe_->world; }
   /// The initializer at its beginning, without any message.
   [[nodiscard]] const Initializer& initializer() const { return recipe_->fresh; }
   /// How often it noticed that it was lost.
