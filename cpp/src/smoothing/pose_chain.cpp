@@ -207,7 +207,9 @@ class Builder {
     Outcome outcome{Verdict::kFused, rows};
     outcome.limit = Gate(gate).limit(rows);
     chain_.measurements.push_back({message, chain_.stamps.size() - 1, source, id, outcome.limit,
-                                   dof_of(kind, models_->estimator), offset, std::move(linearize)});
+                                   dof_of(kind, models_->estimator), offset,
+                                   source == Source::kRanges ? wandering_ / lin->noise(0, 0) : 0.0,
+                                   std::move(linearize)});
     return outcome;
   }
 

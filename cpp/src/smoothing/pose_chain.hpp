@@ -25,10 +25,11 @@ struct Measurement {
   std::size_t message;  ///< place in the log
   std::size_t pose;     ///< that it measures
   Source source;
-  Id id;         ///< of the anchor or landmark, else 0
-  double limit;  ///< of its squared residual, by its gate
-  double dof;    ///< of Student's noise; 0 where it is Gaussian
-  int offset;    ///< which anchor's offset adds to its only row, or -1
+  Id id;           ///< of the anchor or landmark, else 0
+  double limit;    ///< of its squared residual, by its gate
+  double dof;      ///< of Student's noise; 0 where it is Gaussian
+  int offset;      ///< which anchor's offset adds to its only row, or -1
+  double wanders;  ///< share of its variance that settings say does, for correlation_s
   /// z minus h(x), H and R; empty where the model does not apply.
   std::function<std::optional<Rows>(const Pose2&)> linearize;
 };

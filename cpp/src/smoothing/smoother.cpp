@@ -200,7 +200,7 @@ class Batch {
   }
 
   /// Finds the poses by all measurements as they are weighed now.
-  void solve(Smoothed& found) {
+  void solve(Smoothed& found, double tolerance = 1e-10) {
     ceres::Problem::Options options;
     options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     options.disable_all_safety_checks = true;
@@ -236,7 +236,7 @@ class Batch {
     solver.logging_type = ceres::SILENT;
     solver.num_threads = 1;
     solver.max_num_iterations = config_.max_iterations;
-    solver.function_tolerance = 1e-10;
+    solver.function_tolerance = tolerance;
     solver.parameter_tolerance = 1e-10;
     ceres::Solver::Summary summary;
     ceres::Solve(solver, &problem, &summary);
@@ -290,7 +290,7 @@ class Batch {
           decided = decided && (inside_[k] < 1e-3 || inside_[k] > 1.0 - 1e-3);
         }
       }
-      solve(found);
+      solve(found, 1e-4);
       if (decided && mu >= 1.0) {
         break;
       }
@@ -394,16 +394,16 @@ class Batch {
       if (z.dof > 0.0) {
         std::array<double, 3> rho{};
         StudentLoss(z.dof, found.rows).Evaluate(found.residual.squaredNorm(), rho.data());
-        weight = rho[1];
+        weight = rho[1] * (z.dof + found.rows) / (z.dof + found.rows + 2.0);  // eq. (5)
       }
       const internal::LastingErrors& errors = chain_.lasting[static_cast<std::size_t>(z.source)];
       const double root = std::sqrt(weight);
       for (int row = 0; row < found.rows; ++row) {
         internal::MeasuredRow measured{z.pose, root * found.by_pose.row(row).transpose(), z.offset,
                                        root * found.by_offset(row), errors.factor};
-        if (errors.share > 0.0) {
+        if (errors.share > 0.0 || z.wanders > 0.0) {
           measured.own = {process_of(z.source, z.id, row),
-                          errors.factor * (errors.share - errors.common)};
+                          errors.factor * std::max(errors.share - errors.common, z.wanders)};
           measured.common = {process_of(z.source, kEverySource, row),
                              errors.factor * errors.common};
         }

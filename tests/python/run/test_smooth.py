@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import locfuse.core as lf
 from locfuse.config.load import load_config, parse_config
 from locfuse.eval.errors import errors_against
 from locfuse.live.run import LiveRun
@@ -99,3 +100,60 @@ def test_plaza_as_a_batch_solver() -> None:
     assert len(off) > 3000
     assert np.sqrt(np.mean(off**2)) < 0.20
     assert 2.0 < result.metrics["nees_mean"] < 4.0
+
+
+def test_the_optimum_and_its_covariance_are_those_of_gtsam() -> None:
+    gtsam = pytest.importorskip("gtsam", reason="gtsam is not installed (extra bench)")
+    rows, step = 300, 200_000_000
+    rng = np.random.default_rng(2)
+    places = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])
+    config = lf.PoseEkfConfig()
+    config.correlation_s, config.gate_range = 0.0, 1.0
+    # The same in all directions: gtsam has its noise in other axes.
+    config.odometry.sigma_longitudinal_per_sqrt_m = 0.05
+    config.odometry.sigma_lateral_per_sqrt_m = 0.05
+    motion = np.column_stack([np.full(rows, 0.1), np.zeros(rows),
+                              0.05 * np.sin(0.05 * np.arange(rows))])  # fmt: skip
+    stamp, anchor = step * np.arange(1, rows + 1), (np.arange(rows) % 4).astype(np.int32)
+    truth = [lf.Pose2(0, 0, 0)]
+    for row in motion:
+        truth.append(truth[-1] * lf.Pose2(*(row + 0.015 * rng.standard_normal(3))))
+    at = np.array([[pose.x, pose.y] for pose in truth[1:]])
+    ranges = np.hypot(*(at - places[anchor]).T) + 0.3 * rng.standard_normal(rows)
+    log = lf.MessageLog()
+    log.add_increments(stamp - step, stamp, motion)
+    log.add_ranges(stamp, np.zeros(rows, np.int32), anchor, ranges, np.full(rows, 0.3))
+    log.sort()
+    start = lf.PoseEstimate(0, lf.Pose2(0, 0, 0), np.diag([0.1, 0.1, 0.05]) ** 2)
+    anchors = lf.AnchorMap([lf.Anchor(i, [*place, 0.0]) for i, place in enumerate(places)])
+    ours = lf.smooth(config, lf.World(anchors, [lf.Tag(0, [0, 0, 0])]), start, log, keyframe_s=1e6)
+
+    pose, place = gtsam.symbol_shorthand.X, gtsam.symbol_shorthand.L
+    sigmas = gtsam.noiseModel.Diagonal.Sigmas
+    graph, guess = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    graph.add(gtsam.PriorFactorPose2(pose(0), gtsam.Pose2(0, 0, 0), sigmas([0.1, 0.1, 0.05])))
+    guess.insert(pose(0), gtsam.Pose2(0, 0, 0))
+    for i, known in enumerate(places):
+        guess.insert(place(i), known)
+        graph.add(gtsam.PriorFactorPoint2(place(i), known, gtsam.noiseModel.Constrained.All(2)))
+    driven, model = lf.Pose2(0, 0, 0), lf.OdometryMotion(config.odometry)
+    for k, row in enumerate(motion):
+        noise = np.diag(model.propagate(lf.Pose2(), lf.Pose2(*row), 0.2).noise) + 1e-10
+        graph.add(gtsam.BetweenFactorPose2(pose(k), pose(k + 1), gtsam.Pose2(*row),
+                                           sigmas(np.sqrt(noise))))  # fmt: skip
+        graph.add(gtsam.RangeFactor2D(pose(k + 1), place(int(anchor[k])), float(ranges[k]),
+                                      sigmas([0.3])))  # fmt: skip
+        driven = driven * lf.Pose2(*row)
+        guess.insert(pose(k + 1), gtsam.Pose2(driven.x, driven.y, driven.heading))
+    tight = gtsam.LevenbergMarquardtParams()
+    tight.setRelativeErrorTol(1e-14)
+    tight.setAbsoluteErrorTol(1e-14)
+    theirs = gtsam.LevenbergMarquardtOptimizer(graph, guess, tight).optimize()
+    assert ours.cost == pytest.approx(graph.error(theirs), rel=1e-6)
+    marginals = gtsam.Marginals(graph, theirs)
+    for k in (rows // 2, rows):  # far from the start, whose residual gtsam has in other axes
+        found, turn = theirs.atPose2(pose(k)), np.eye(3)
+        assert ours.poses[k] == pytest.approx([found.x(), found.y(), found.theta()], abs=1e-5)
+        turn[:2, :2] = found.rotation().matrix()
+        covariance = turn @ marginals.marginalCovariance(pose(k)) @ turn.T
+        assert ours.covariances[k] == pytest.approx(covariance, rel=1e-3, abs=1e-6)
