@@ -285,14 +285,20 @@ struct StandingTuning {
   static constexpr double kSpeed = 0.1;  ///< [m/s + rad/s] of a robot that crawls
 };
 
-/// Moves a body whose odometry was never received: at an unknown speed, which lasts as long as one
-/// that odometry reports, and by the random walk of a body whose odometry is lost.
+/// How far a body whose odometry was never received goes at an unknown speed, which lasts as long
+/// as one that odometry reports: sigma of each axis [m].
+template <class Config>
+double unknown_way(const Config& config, Stamp hold, double seconds) {
+  const double lasts = std::min(seconds, static_cast<double>(hold) / kNanosecondsPerSecond);
+  return UnknownMotionTuning::kSpeedSigma * config.sigma_lost_xy_per_sqrt_s * lasts;
+}
+
+/// Moves a body whose odometry was never received: at an unknown speed, and by the random walk of a
+/// body whose odometry is lost.
 template <class Recipe>
 void wander(const Recipe& recipe, GaussianBelief& belief, Slot body, Stamp stamp) {
   const double seconds = seconds_between(belief.stamp, stamp);
-  const double lasts = std::min(seconds, static_cast<double>(recipe.hold) / kNanosecondsPerSecond);
-  const double way =
-      UnknownMotionTuning::kSpeedSigma * recipe.config.sigma_lost_xy_per_sqrt_s * lasts;
+  const double way = unknown_way(recipe.config, recipe.hold, seconds);
   Propagation<Pose2, 3> step = recipe.lost.propagate(belief.pose(body), Pose2{}, seconds);
   step.noise(0, 0) += way * way;
   step.noise(1, 1) += way * way;

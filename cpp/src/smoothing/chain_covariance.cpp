@@ -16,32 +16,29 @@ class ChainInformation::Gathered {
   explicit Gathered(std::size_t processes) : with_(processes, Vector<3>::Zero()) {}
 
   /// Moves to the next pose; of errors that last a part is kept.
-  void move(const Matrix<3, 3>& gain, double kept) {
+  void move(const Matrix<3, 3>& gain, const Eigen::ArrayXd& kept) {
     excess_ = gain * excess_ * gain.transpose();
-    for (Vector<3>& with : with_) {
-      with = kept * (gain * with);
+    for (std::size_t p = 0; p < with_.size(); ++p) {
+      with_[p] = kept(static_cast<Eigen::Index>(p)) * (gain * with_[p]);
     }
   }
   void add(const MeasuredRow& row) {
     excess_ += (row.variance - 1.0) * row.by_pose * row.by_pose.transpose();
-    for (const MeasuredRow::Lasting& lasting : {row.own, row.common}) {
+    for (const MeasuredRow::Lasting& lasting : row.lasting) {
       if (lasting.process >= 0) {
         Vector<3>& with = with_[static_cast<std::size_t>(lasting.process)];
-        const Matrix<3, 3> both = row.by_pose * with.transpose();
+        const Matrix<3, 3> both = lasting.loading * row.by_pose * with.transpose();
         excess_ += both + both.transpose();
-        with += lasting.variance * row.by_pose;
+        with += lasting.loading * row.by_pose;
       }
     }
   }
   /// Of both sides, which go together by what each has of the errors that last.
-  [[nodiscard]] Matrix<3, 3> and_of(const Gathered& other,
-                                    const std::vector<double>& variances) const {
+  [[nodiscard]] Matrix<3, 3> and_of(const Gathered& other) const {
     Matrix<3, 3> sum = excess_ + other.excess_;
     for (std::size_t p = 0; p < with_.size(); ++p) {
-      if (variances[p] > 0.0) {
-        const Matrix<3, 3> both = with_[p] * other.with_[p].transpose() / variances[p];
-        sum += both + both.transpose();
-      }
+      const Matrix<3, 3> both = with_[p] * other.with_[p].transpose();
+      sum += both + both.transpose();
     }
     return sum;
   }
@@ -51,10 +48,8 @@ class ChainInformation::Gathered {
   std::vector<Vector<3>> with_;  // covariance with each error that lasts
 };
 
-ChainInformation::ChainInformation(std::vector<double> seconds, std::size_t globals,
-                                   double correlation_s)
+ChainInformation::ChainInformation(std::vector<double> seconds, std::size_t globals)
     : seconds_(std::move(seconds)),
-      correlation_s_(correlation_s),
       poses_(seconds_.size(), Matrix<3, 3>::Zero()),
       next_(seconds_.size(), Matrix<3, 3>::Zero()),
       border_(seconds_.size(), Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(globals))),
@@ -67,20 +62,15 @@ void ChainInformation::add(const MeasuredRow& row) {
     border_[row.pose].col(row.global) += row.by_global * row.by_pose;
     globals_(row.global, row.global) += row.by_global * row.by_global;
   }
-  for (const MeasuredRow::Lasting& lasting : {row.own, row.common}) {
-    const auto needed = static_cast<std::size_t>(lasting.process + 1);
-    variances_.resize(std::max(variances_.size(), needed), 0.0);
-    if (lasting.process >= 0) {
-      variances_[needed - 1] = lasting.variance;
-    }
-  }
   rows_.push_back(row);
 }
 
-/// Of what lasts, from a pose to the next.
-double ChainInformation::kept(std::size_t pose) const {
-  return correlation_s_ > 0.0 ? std::exp((seconds_[pose] - seconds_[pose + 1]) / correlation_s_)
-                              : 0.0;
+/// Of each error that lasts, after so long.
+Eigen::ArrayXd ChainInformation::kept(double seconds) const {
+  Eigen::ArrayXd shares(static_cast<Eigen::Index>(lasts_.size()));
+  std::transform(lasts_.begin(), lasts_.end(), shares.data(),
+                 [&](double lasts) { return std::exp(-seconds / lasts); });
+  return shares;
 }
 
 ChainCovariance ChainInformation::covariance() const {
@@ -93,12 +83,12 @@ ChainCovariance ChainInformation::covariance() const {
   std::size_t row = 0;
   for (std::size_t k = 0; k < count; ++k) {
     Matrix<3, 3> pivot = poses_[k];
-    Gathered gathered(variances_.size());
+    Gathered gathered(lasts_.size());
     if (k > 0) {
       const Matrix<3, 3> gain = pivots[k - 1].solve(next_[k - 1]).transpose();
       pivot -= gain * next_[k - 1];
       gathered = before.back();
-      gathered.move(-gain, kept(k - 1));
+      gathered.move(-gain, kept(seconds_[k] - seconds_[k - 1]));
     }
     for (; row < rows_.size() && rows_[row].pose == k; ++row) {
       gathered.add(rows_[row]);
@@ -114,7 +104,7 @@ ChainCovariance ChainInformation::covariance() const {
   found.poses.resize(count);
   Matrix<3, 3> of_next = Matrix<3, 3>::Zero();  // block of the inverse of the chain
   Matrix<3, 3> after = Matrix<3, 3>::Zero();    // information of what comes behind a pose
-  Gathered behind(variances_.size());
+  Gathered behind(lasts_.size());
   for (std::size_t k = count; k-- > 0;) {
     Matrix<3, 3> P = pivots[k].solve(Matrix<3, 3>::Identity());
     if (k + 1 < count) {
@@ -125,11 +115,11 @@ ChainCovariance ChainInformation::covariance() const {
       }
       const Matrix<3, 3> back =
           Pivot(poses_[k + 1] + after).solve(next_[k].transpose()).transpose();
-      behind.move(-back, kept(k));
+      behind.move(-back, kept(seconds_[k + 1] - seconds_[k]));
       after = -back * next_[k].transpose();
     }
     of_next = P;
-    found.poses[k] = P + P * before[k].and_of(behind, variances_) * P;
+    found.poses[k] = P + P * before[k].and_of(behind) * P;
   }
   if (globals_.size() > 0) {
     add_globals(pivots, found);
@@ -160,18 +150,19 @@ Eigen::MatrixXd ChainInformation::excess_of(const Eigen::MatrixXd& of) const {
   }
   const auto pass = [&](bool forth) {
     Eigen::MatrixXd with =
-        Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(variances_.size()), of.cols());
+        Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(lasts_.size()), of.cols());
     std::size_t last = forth ? 0 : seconds_.size() - 1;
     for (std::size_t n = 0; n < rows_.size(); ++n) {
       const std::size_t i = forth ? n : rows_.size() - 1 - n;
       const auto place = static_cast<Eigen::Index>(i);
-      const double apart = std::abs(seconds_[rows_[i].pose] - seconds_[last]);
-      with *= correlation_s_ > 0.0 ? std::exp(-apart / correlation_s_) : 0.0;
+      if (rows_[i].pose != last) {
+        with.array().colwise() *= kept(std::abs(seconds_[rows_[i].pose] - seconds_[last]));
+      }
       last = rows_[i].pose;
-      for (const MeasuredRow::Lasting& lasting : {rows_[i].own, rows_[i].common}) {
+      for (const MeasuredRow::Lasting& lasting : rows_[i].lasting) {
         if (lasting.process >= 0) {
-          sum.row(place) += lasting.variance * with.row(lasting.process);
-          with.row(lasting.process) += of.row(place);
+          sum.row(place) += lasting.loading * with.row(lasting.process);
+          with.row(lasting.process) += lasting.loading * of.row(place);
         }
       }
     }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -17,7 +18,7 @@ struct ChainCovariance {
 };
 
 /// One row of what measures a pose, in sigmas of its stated noise, and what is known of its error:
-/// its variance, and a part of that which lasts. Rows of one process share that part.
+/// its variance, and which errors that last are in it.
 struct MeasuredRow {
   std::size_t pose;
   Vector<3> by_pose;
@@ -25,19 +26,24 @@ struct MeasuredRow {
   double by_global;
   double variance;  ///< of its error, over the stated one
   struct Lasting {
-    int process = -1;       ///< or none
-    double variance = 0.0;  ///< of the part that lasts, the same in all rows of the process
+    int process = -1;      ///< as of add_process, or none
+    double loading = 0.0;  ///< what the row has of it, which has a variance of 1
   };
-  Lasting own = {};     ///< of its source
-  Lasting common = {};  ///< of all sources of its kind
+  std::array<Lasting, 3> lasting = {};
 };
 
 /// H = J'J of a chain of poses, each tied to the next, and of variables that all may be tied to:
 /// block tridiagonal with a border. Derivation: docs/smoothing.md eq. (5) to (9).
 class ChainInformation {
  public:
-  /// Poses at `seconds`; what lasts does so for `correlation_s`.
-  ChainInformation(std::vector<double> seconds, std::size_t globals, double correlation_s);
+  /// Poses at `seconds`.
+  ChainInformation(std::vector<double> seconds, std::size_t globals);
+
+  /// An error of variance 1 that lasts so long; returns its number.
+  [[nodiscard]] int add_process(double lasts_s) {
+    lasts_.push_back(lasts_s);
+    return static_cast<int>(lasts_.size()) - 1;
+  }
 
   /// Of what is as sure as it says: the start, motions, priors.
   void add(std::size_t pose, const Matrix<3, 3>& information) { poses_[pose] += information; }
@@ -59,19 +65,18 @@ class ChainInformation {
   using Border = std::vector<Eigen::MatrixXd>;
   class Gathered;
 
-  [[nodiscard]] double kept(std::size_t pose) const;
+  [[nodiscard]] Eigen::ArrayXd kept(double seconds) const;
   [[nodiscard]] Border solve(const std::vector<Pivot>& pivots, Border columns) const;
   [[nodiscard]] Eigen::MatrixXd excess_of(const Eigen::MatrixXd& of) const;
   void add_globals(const std::vector<Pivot>& pivots, ChainCovariance& found) const;
 
   std::vector<double> seconds_;
-  double correlation_s_;
   std::vector<Matrix<3, 3>> poses_;
   std::vector<Matrix<3, 3>> next_;  // of each pose and the next
   Border border_;                   // of each pose and the shared variables
   Eigen::MatrixXd globals_;
   std::vector<MeasuredRow> rows_;
-  std::vector<double> variances_;  // of errors that last, by process
+  std::vector<double> lasts_;  // by process [s]
 };
 
 }  // namespace locfuse::internal

@@ -62,8 +62,8 @@ class Builder {
  public:
   Builder(const SmootherConfig& config, const World& world, const PoseEstimate& start)
       : models_(std::make_shared<const Models>(config, world)),
-        keyframe_(stamps_of("keyframe_s", config.keyframe_s)),
-        guess_(guess_config(config.estimator), world, start),
+        keyframe_(keyframe_of(config)),
+        guess_(config.estimator, world, start),
         odometry_(start.stamp),
         at_(start.stamp) {
     chain_.stamps.push_back(start.stamp);
@@ -144,7 +144,7 @@ class Builder {
     if (chain_.measurements.empty()) {
       throw std::invalid_argument("nothing to smooth: no message after the start measures a pose");
     }
-    if (odometry_.is_received() && odometry_.end() > at_) {
+    if (odometry_.is_received() && odometry_.end() > chain_.stamps.back()) {
       keyframe_at(odometry_.end());
     }
     if (models_->estimator.correlation_s > 0.0) {
@@ -158,10 +158,13 @@ class Builder {
   }
 
  private:
-  /// The filter that guesses has no other states than those of the smoother.
-  static PoseEkf::Config guess_config(PoseEkf::Config config) {
-    config.calibration = {};
-    return config;
+  static Stamp keyframe_of(const SmootherConfig& config) {
+    constexpr double kLeast = 1e-3;  // [s]
+    if (!(config.keyframe_s >= kLeast)) {
+      throw std::invalid_argument("keyframe_s is " + std::to_string(config.keyframe_s) +
+                                  ", expected at least " + std::to_string(kLeast));
+    }
+    return stamps_of("keyframe_s", config.keyframe_s);
   }
 
   template <class Motion>
@@ -173,7 +176,9 @@ class Builder {
     if (u.stamp < at_) {
       return {Verdict::kStale};
     }
-    while (odometry_.is_received() && begin - chain_.stamps.back() > keyframe_) {
+    // As long as odometry is held; of what comes after nothing is known.
+    const Stamp known = std::min(begin, odometry_.end() + models_->hold);
+    while (odometry_.is_received() && known - chain_.stamps.back() > keyframe_) {
       keyframe_at(std::max(chain_.stamps.back() + keyframe_, at_));
     }
     advance(begin);
@@ -228,8 +233,11 @@ class Builder {
     if (stamp <= at_) {
       return;
     }
-    if (!odometry_.is_received()) {  // as a PoseEkf that nobody has given any: it may move anyhow
+    if (!odometry_.is_received()) {  // as a PoseEkf that was given none: it may move anyhow
+      const double way =
+          unknown_way(models_->estimator, models_->hold, seconds_between(at_, stamp));
       move(models_->lost, {}, stamp, {});
+      segment_.covariance.topLeftCorner<2, 2>().diagonal().array() += way * way;
       return;
     }
     odometry_.advance(

@@ -296,10 +296,18 @@ class Batch {
       }
       mu *= kGrowth;
     }
-    for (double& inside : inside_) {
-      inside = inside < 0.5 ? 0.0 : 1.0;
+    // Every verdict agrees with its limit in the end, if there is an end.
+    for (int round = 0; round < 10; ++round) {
+      std::vector<double> decided = inside_;
+      for (std::size_t k = 0; k < count; ++k) {
+        decided[k] = !is_gated(k) || squared(k) <= chain_.measurements[k].limit ? 1.0 : 0.0;
+      }
+      if (round > 0 && decided == inside_) {
+        break;
+      }
+      inside_ = std::move(decided);
+      solve(found);
     }
-    solve(found);
   }
 
   void report(Smoothed& found) const {
@@ -308,8 +316,7 @@ class Batch {
     for (const Stamp stamp : chain_.stamps) {
       seconds.push_back(seconds_between(chain_.stamps.front(), stamp));
     }
-    internal::ChainInformation information(std::move(seconds), offsets_.size(),
-                                           config_.estimator.correlation_s);
+    internal::ChainInformation information(std::move(seconds), offsets_.size());
     add_information(information);
     const internal::ChainCovariance covariance = information.covariance();
     found.poses.reserve(poses_.size());
@@ -379,10 +386,18 @@ class Batch {
     for (std::size_t i = 0; i < chain_.motions.size(); ++i) {
       evaluate(MotionCost(chain_.motions[i]), i, true);
     }
-    std::map<std::tuple<Source, Id, int>, int> processes;  // of errors that last
-    const auto process_of = [&](Source source, Id id, int row) {
-      const auto place = static_cast<int>(processes.size());
-      return processes.try_emplace({source, id, row}, place).first->second;
+    const PoseEkf::Config& estimator = config_.estimator;
+    std::map<std::tuple<Source, Id, int>, int> learnt;  // errors that last, by source and row
+    std::map<Id, int> wandering;                        // offsets of anchors
+    const auto share = [&](auto& processes, const auto& key, double variance, double lasts_s) {
+      if (!(variance > 0.0)) {
+        return internal::MeasuredRow::Lasting{};
+      }
+      auto found = processes.find(key);
+      if (found == processes.end()) {
+        found = processes.emplace(key, information.add_process(lasts_s)).first;
+      }
+      return internal::MeasuredRow::Lasting{found->second, std::sqrt(variance)};
     };
     for (std::size_t k = 0; k < chain_.measurements.size(); ++k) {
       const Measurement& z = chain_.measurements[k];
@@ -399,14 +414,16 @@ class Batch {
       const internal::LastingErrors& errors = chain_.lasting[static_cast<std::size_t>(z.source)];
       const double root = std::sqrt(weight);
       for (int row = 0; row < found.rows; ++row) {
+        // R is what was stated and what wanders: the filter has learnt of the first alone.
+        const double stated = errors.factor * (1.0 - z.wanders);
         internal::MeasuredRow measured{z.pose, root * found.by_pose.row(row).transpose(), z.offset,
-                                       root * found.by_offset(row), errors.factor};
-        if (errors.share > 0.0 || z.wanders > 0.0) {
-          measured.own = {process_of(z.source, z.id, row),
-                          errors.factor * std::max(errors.share - errors.common, z.wanders)};
-          measured.common = {process_of(z.source, kEverySource, row),
-                             errors.factor * errors.common};
-        }
+                                       root * found.by_offset(row), stated + z.wanders};
+        measured.lasting = {
+            share(learnt, std::tuple(z.source, z.id, row), stated * (errors.share - errors.common),
+                  estimator.correlation_s),
+            share(learnt, std::tuple(z.source, kEverySource, row), stated * errors.common,
+                  estimator.correlation_s),
+            share(wandering, z.id, z.wanders, estimator.calibration.anchor_offset_correlation_s)};
         information.add(measured);
       }
     }
@@ -430,13 +447,16 @@ void check(const SmootherConfig& config) {
                                 ", expected at least 1");
   }
   const Calibration::Config& given = config.estimator.calibration;
-  if (given.sigma_scale + given.sigma_direction_rad + given.sigma_turn_scale +
-          given.sigma_turn_bias_radps + given.sigma_sensor_m + given.sigma_sensor_rad +
-          given.sigma_range_offset_m + given.sigma_range_scale + given.sigma_delay_s +
-          given.sigma_anchor_scale + given.sigma_range_delay_s >
-      0.0) {
-    throw std::invalid_argument(
-        "the smoother estimates sigma_anchor_offset_m alone of calibration; set the others to 0");
+  for (const double other :
+       {given.sigma_scale, given.sigma_direction_rad, given.sigma_turn_scale,
+        given.sigma_turn_bias_radps, given.sigma_sensor_m, given.sigma_sensor_rad,
+        given.sigma_range_offset_m, given.sigma_range_scale, given.sigma_delay_s,
+        given.sigma_anchor_scale, given.sigma_range_delay_s, config.estimator.adaptive.messages}) {
+    if (other != 0.0) {
+      throw std::invalid_argument(
+          "the smoother learns sigma_anchor_offset_m alone of calibration, and no adaptive noise; "
+          "set the others to 0");
+    }
   }
 }
 

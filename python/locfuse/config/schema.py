@@ -943,7 +943,11 @@ class RunConfig(Strict):
         for key, is_there in (("estimator.kind", self.estimator.kind != "pose"),
                               ("mcl without poses_hz", self.mcl and not self.mcl.poses_hz),
                               ("tag_conditioner", self.tag_conditioner),
-                              ("switched_off", self.switched_off)):  # fmt: skip
+                              ("switched_off", self.switched_off),
+                              ("cylinders, whose sightings have no names", self.cylinders),
+                              ("estimator.adaptive", self.estimator.adaptive.messages),
+                              ("estimator.robust_range one_sided",
+                               self.estimator.robust_range == "one_sided")):  # fmt: skip
             if self.smooth and is_there:
                 raise ValueError(f"smooth does not go with {key}; remove one of the two")
         return self

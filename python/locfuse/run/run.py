@@ -199,8 +199,11 @@ def _fuse(
         if record.jumps:
             raise LogError("smooth needs stamps of one clock, but the log's goes back; cut the log")
         ekf = started.filter
-        record = _core.smooth(ekf.config.start.estimator, ekf.world, ekf.current(), messages.log,
-                              started.used_until).in_place_of(record)  # fmt: skip
+        smoothed = _core.smooth(ekf.config.start.estimator, ekf.world, ekf.current(), messages.log,
+                                started.used_until)  # fmt: skip
+        if not smoothed.converged:
+            _logger.warning("the smoother did not converge: %s", smoothed.termination)
+        record = smoothed.in_place_of(record)
     result = result_of(record, log, messages)
     if progress is not None:
         progress(total, total)

@@ -41,7 +41,6 @@ TEST(ChainInformation, its_blocks_are_those_of_the_dense_matrices) {
   constexpr int kPoses = 7;
   constexpr int kShared = 2;
   constexpr int kSize = 3 * kPoses + kShared;
-  constexpr double kTime = 2.0;
   const auto random = [&rng](int rows, int columns) {
     Eigen::MatrixXd numbers(rows, columns);
     for (int i = 0; i < rows * columns; ++i) {
@@ -53,7 +52,11 @@ TEST(ChainInformation, its_blocks_are_those_of_the_dense_matrices) {
   for (int k = 0; k < kPoses; ++k) {
     seconds.push_back(k + 0.1 * k * k);
   }
-  internal::ChainInformation chain(seconds, kShared, kTime);
+  internal::ChainInformation chain(seconds, kShared);
+  const double lasts[]{2.0, 0.5, 5.0};
+  for (const double one : lasts) {
+    (void)chain.add_process(one);
+  }
   Eigen::MatrixXd known = Eigen::MatrixXd::Zero(kSize, kSize);  // as sure as it says
   std::vector<internal::MeasuredRow> rows;
   for (int k = 0; k < kPoses; ++k) {
@@ -61,8 +64,8 @@ TEST(ChainInformation, its_blocks_are_those_of_the_dense_matrices) {
     for (int of_pose = 0; of_pose < 4; ++of_pose) {
       internal::MeasuredRow row{pose, random(3, 1), of_pose < 2 ? k % kShared : -1, 0.0, 1.5};
       row.by_global = row.global >= 0 ? testing::normal(rng, 1.0) : 0.0;
-      row.own = {of_pose % 2, of_pose % 2 == 0 ? 0.5 : 0.3};
-      row.common = {of_pose < 3 ? 2 : -1, 0.2};
+      row.lasting[0] = {of_pose % 2, 0.3 + 0.1 * k};
+      row.lasting[1] = {of_pose < 3 ? 2 : -1, 0.4};
       rows.push_back(row);
       chain.add(row);
     }
@@ -85,11 +88,15 @@ TEST(ChainInformation, its_blocks_are_those_of_the_dense_matrices) {
     }
     for (Eigen::Index j = 0; j < count; ++j) {
       const internal::MeasuredRow& b = rows[static_cast<std::size_t>(j)];
-      const double kept = std::exp(-std::abs(seconds[a.pose] - seconds[b.pose]) / kTime);
-      C(i, j) = a.own.process == b.own.process ? kept * a.own.variance : 0.0;
-      C(i, j) += a.common.process >= 0 && a.common.process == b.common.process
-                     ? kept * a.common.variance
-                     : 0.0;
+      const double apart = std::abs(seconds[a.pose] - seconds[b.pose]);
+      C(i, j) = 0.0;
+      for (std::size_t n = 0; n < 2; ++n) {
+        const auto& one = a.lasting[n];
+        const auto& other = b.lasting[n];
+        if (one.process >= 0 && one.process == other.process) {
+          C(i, j) += one.loading * other.loading * std::exp(-apart / lasts[one.process]);
+        }
+      }
     }
     C(i, i) = a.variance;
   }
@@ -105,7 +112,7 @@ TEST(ChainInformation, its_blocks_are_those_of_the_dense_matrices) {
 }
 
 TEST(ChainInformation, says_which_pose_is_not_determined) {
-  internal::ChainInformation chain({0.0, 1.0}, 0, 0.0);
+  internal::ChainInformation chain({0.0, 1.0}, 0);
   chain.add(0, kI3);
   EXPECT_THROW((void)chain.covariance(), NumericalError);
 }
