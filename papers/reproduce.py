@@ -12,6 +12,7 @@ from papers.celan2017 import celan_claims
 from papers.celan2017 import draw_figures as draw_celan
 from papers.claims import Claim, Progress
 from papers.consistency import consistency_claims
+from papers.consistency.pose_sources import pose_source_claims
 from papers.consistency.recordings import recorded_claims
 from papers.ekim2020 import draw_figures as draw_ekim
 from papers.ekim2020 import ekim2020_claims
@@ -77,6 +78,7 @@ PAPERS: dict[str, Experiment] = {
     ),
     "cylinders": Experiment(lambda seeds, progress, configs: cylinder_claims(seeds, progress)),
     "consistency": Experiment(lambda seeds, progress, configs: consistency_claims(seeds, progress)),
+    "poses": Experiment(lambda seeds, progress, configs: pose_source_claims(seeds, progress)),
     "honesty": Experiment(lambda seeds, progress, configs: recorded_claims(progress, configs)),
     "air": Experiment(lambda seeds, progress, configs: air_claims(progress, configs)),
     "trust": Experiment(

@@ -11,7 +11,6 @@
 
 #include "estimators/innovation.hpp"
 #include "estimators/recipe.hpp"
-#include "locfuse/filters/covariance_intersection.hpp"
 
 namespace locfuse {
 using internal::Transaction;
@@ -36,6 +35,24 @@ auto nearest(const GaussianBelief& belief, const LandmarkMap& map, const Lineari
     }
   }
   return found;
+}
+
+/// Means of as many variables as a measurement has columns for, of which the first are the body.
+template <int N>
+Vector<N> mean_of(const GaussianBelief& belief, Slots slots) {
+  if constexpr (N == 3) {
+    return belief.x.head<3>();  // allocates nothing
+  } else {
+    return belief.mean(slots);
+  }
+}
+
+/// Of two of them.
+template <int N>
+Vector<N> difference(const Vector<N>& a, const Vector<N>& b) {
+  Vector<N> off = a - b;
+  off(2) = wrap_angle(off(2));
+  return off;
 }
 
 template <class Noise>
@@ -79,13 +96,14 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   other.body_ = other.belief_.slot("body");
   recipe_->calibration.add_to(other.belief_);
   other.belief_.correlated = belief_.correlated.restarted();
+  other.without_poses_.reset();
   other.odometry_ = odometry_.restarted(start.stamp);
   return other;
 }
 
 template <class Noise, class Linearize>
 Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& gate,
-                         const Noise& noise, Slots slots, const Linearize& linearize) {
+                         const Noise& noise, Slots slots, const Linearize& linearize, bool turns) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
@@ -95,38 +113,75 @@ Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& 
   if (!lin) {
     return transaction.close({Verdict::kNotModelled});
   }
-  if (!source || !adaptive_.is_on()) {
-    return transaction.close(internal::fuse(belief_, *lin, slots, gate, noise));
+  if (source && adaptive_.is_on()) {
+    lin->noise *= adaptive_.factor(*source);
   }
-  lin->noise *= adaptive_.factor(*source);
+  constexpr int kVariables = std::decay_t<decltype(*lin)>::kVariables;
+  Vector<kVariables> linearized_at =
+      Vector<kVariables>::Zero(kVariables == Eigen::Dynamic ? 0 : kVariables);
+  if (without_poses_) {
+    linearized_at = mean_of<kVariables>(belief_, slots);
+  }
+  const Vector<2> before = pose().position();
   const Outcome outcome = transaction.close(internal::fuse(belief_, *lin, slots, gate, noise));
-  const auto rows = static_cast<double>(lin->noise.rows());
-  adaptive_.record(*source, outcome,
-                   std::pow(std::max(determinant_of(lin->noise), 0.0), 1.0 / rows));
+  if (turns && outcome.verdict == Verdict::kFused) {
+    turn_with_mean(belief_, body_, before);
+  }
+  if (source && adaptive_.is_on()) {
+    const auto rows = static_cast<double>(lin->noise.rows());
+    adaptive_.record(*source, outcome,
+                     std::pow(std::max(determinant_of(lin->noise), 0.0), 1.0 / rows));
+  }
+  if (without_poses_ && outcome.verdict == Verdict::kFused) {
+    change_without_poses([&](GaussianBelief& belief) {
+      internal::advance(*recipe_, odometry_, body_, belief, stamp);
+      const Vector<2> from = belief.pose(body_).position();
+      lin->residual +=
+          lin->jacobian * difference<kVariables>(linearized_at, mean_of<kVariables>(belief, slots));
+      (void)internal::fuse(belief, *lin, slots, Gate(), noise);
+      if (turns) {
+        turn_with_mean(belief, body_, from);
+      }
+    });
+  }
   return outcome;
 }
 
 /// A direction in which the world is seen turns the covariance with the mean.
 template <class Linearize>
 Outcome PoseEkf::correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize) {
-  Vector<2> before = Vector<2>::Zero();
-  const Outcome outcome = correct(Source::kSightings, z.stamp, recipe_->landmark_gate,
-                                  internal::kGaussian, slots, [&](const Pose2& pose) {
-                                    before = pose.position();
-                                    return linearize(pose);
-                                  });
-  if (outcome.verdict == Verdict::kFused && z.bearing) {
-    turn_with_mean(belief_, body_, before);
+  return correct(Source::kSightings, z.stamp, recipe_->landmark_gate, internal::kGaussian, slots,
+                 linearize, z.bearing.has_value());
+}
+
+Outcome PoseEkf::on(const Velocity& u) { return take(u); }
+
+Outcome PoseEkf::on(const Increment& u) { return take(u); }
+
+template <class Motion>
+Outcome PoseEkf::take(const Motion& u) {
+  if (!without_poses_) {
+    return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
+  }
+  HeldMotion odometry = odometry_;
+  const Outcome outcome = internal::take<3>(*recipe_, odometry_, body_, belief_, u);
+  if (outcome.verdict == Verdict::kFused) {
+    change_without_poses([&](GaussianBelief& belief) {
+      (void)internal::take<3>(*recipe_, odometry, body_, belief, u);
+    });
   }
   return outcome;
 }
 
-Outcome PoseEkf::on(const Velocity& u) {
-  return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
-}
-
-Outcome PoseEkf::on(const Increment& u) {
-  return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
+/// Does to the belief without poses what was done to the other. Where its numbers break it begins
+/// anew: the message was fused, and an exception would hide that.
+template <class Change>
+void PoseEkf::change_without_poses(const Change& change) {
+  try {
+    change(*without_poses_);
+  } catch (const NumericalError&) {
+    without_poses_ = belief_;
+  }
 }
 
 Outcome PoseEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
@@ -177,8 +232,8 @@ Outcome PoseEkf::on(const PoseObservation& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible};
   }
-  if (recipe_->config.pose.shares_odometry && recipe_->pose_noise.is_gaussian()) {
-    return intersect(z);
+  if (recipe_->config.correlation_s > 0.0 && recipe_->pose_noise.is_gaussian()) {
+    return fuse_localizer(z);
   }
   return correct(Source::kPoses, z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
                  [&](const Pose2& pose) {
@@ -187,36 +242,140 @@ Outcome PoseEkf::on(const PoseObservation& z) {
                  });
 }
 
-/// Fuses a pose whose errors may be those of the belief: by covariance intersection, as far as
-/// independent errors would pass the gate; docs/models/covariance_intersection.md.
-Outcome PoseEkf::intersect(const PoseObservation& z) {
+/// Fuses the pose of a localizer whose errors may stay: with what everything else says, and in
+/// place of its poses before; docs/models/pose_source.md.
+Outcome PoseEkf::fuse_localizer(const PoseObservation& z) {
   if (z.stamp < belief_.stamp) {
     return {Verdict::kStale};
   }
+  if (!without_poses_) {
+    without_poses_ = belief_;
+    without_poses_->correlated.reserve(belief_.dimension());
+  }
   Transaction<3> transaction(belief_, z.stamp);
+  Transaction<3> without_poses(*without_poses_, z.stamp);
   advance_to(z.stamp);
+  internal::advance(*recipe_, odometry_, body_, *without_poses_, z.stamp);
   auto lin = recipe_->pose.linearize(pose(), z);
   if (!lin) {
     return transaction.close({Verdict::kNotModelled});
   }
-  lin->noise *= adaptive_.factor(Source::kPoses);
-  const double variance = std::pow(std::max(lin->noise.determinant(), 0.0),
-                                   1.0 / static_cast<double>(lin->noise.rows()));
-  Outcome outcome = update(belief_, *lin, body_, Gate::closed());
-  outcome.limit = recipe_->pose_gate.limit(outcome.dof);
-  if (outcome.nis <= outcome.limit) {
-    outcome.verdict = Verdict::kFused;
-    if (outcome.dof == 3) {  // every axis is measured
-      const double weight = intersection_weight(belief_.marginal_of_first<3>(), lin->noise);
-      widen(belief_, body_, 1.0 / weight);
-      lin->noise /= 1.0 - weight;
-    }
-    (void)update(belief_, *lin, body_, Gate());
+  if (pose_source_.is_frozen(z.pose, pose())) {
+    return transaction.close({Verdict::kImplausible});
   }
+  const bool is_whole = lin->residual.size() == 3;
+  const Vector<3> place = without_poses_->x.head<3>();
+  const bool shares = recipe_->config.pose.shares_odometry;
+  // One that goes by this odometry is as late as it.
+  const Vector<3> rate = shares ? Vector<3>::Zero() : world_rate();
+  PoseSource::Compared compared{z.stamp,
+                                Vector<3>::Zero(),
+                                rate,
+                                shares ? rate : pose_source_.changed(z.stamp, place, rate),
+                                Matrix<3, 3>::Zero(),
+                                Matrix<3, 3>::Zero()};
+  if (is_whole) {
+    compared.off = lin->residual;
+    compared.R = lin->noise;
+  }
+  const double variance = make_honest(*lin, compared);
+  Outcome outcome = update(belief_, *lin, body_, Gate::closed());
+  const Vector<3> shift = difference<3>(belief_.x.head<3>(), place);
+  auto anew = *lin;
+  anew.residual += lin->jacobian * shift;
+  bool is_white = pose_source_.is_white();
+  outcome.limit = recipe_->pose_gate.limit(outcome.dof);
+  if (outcome.nis > outcome.limit && is_overdue(z.stamp)) {
+    outcome = update(*without_poses_, anew, body_, Gate::closed());
+    outcome.limit = recipe_->pose_gate.limit(outcome.dof);
+    is_white = false;
+  }
+  if (outcome.nis > outcome.limit) {
+    return transaction.close(outcome);
+  }
+  outcome.verdict = Verdict::kFused;
+  pose_source_.take(z.stamp, z.pose, pose(), place);
+  if (is_whole) {
+    PoseSource::Compared with = compared;
+    with.off += shift;
+    with.P = without_poses_->marginal_of_first<3>();
+    pose_source_.learn(with);
+    if (is_white) {
+      compared.P = belief_.marginal_of_first<3>();
+      pose_source_.learn_scale(compared);
+    }
+  }
+  if (!is_white) {
+    const std::uint64_t interventions = belief_.interventions;
+    belief_ = *without_poses_;
+    belief_.interventions = interventions;
+    *lin = anew;
+  }
+  (void)update(belief_, *lin, body_, Gate());
+  (void)without_poses.close({Verdict::kFused});
+  keep_without_poses_linear();
   if (adaptive_.is_on()) {
     adaptive_.record(Source::kPoses, outcome, variance);
   }
   return transaction.close(outcome);
+}
+
+/// Corrects a pose by what is learnt of its source. Returns its mean variance without that.
+double PoseEkf::make_honest(Linearization<Eigen::Dynamic, 3, 3>& lin,
+                            const PoseSource::Compared& z) const {
+  lin.noise *= adaptive_.factor(Source::kPoses);
+  const double variance =
+      std::pow(std::max(lin.noise.determinant(), 0.0), 1.0 / static_cast<double>(lin.noise.rows()));
+  for (Eigen::Index row = 0; row < lin.residual.size(); ++row) {
+    Eigen::Index axis = 0;
+    lin.jacobian.row(row).maxCoeff(&axis);
+    const double root = std::sqrt(pose_source_.factor(axis));
+    lin.noise.row(row) *= root;
+    lin.noise.col(row) *= root;
+  }
+  const Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 3, 1> way =
+      lin.jacobian * (pose_source_.delay() * z.rate);
+  lin.residual += way;
+  const Matrix<3, 3> of_way = pose_source_.way_variance(z.rate, z.changed);
+  const Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::ColMajor, 3, 3> half =
+      lin.jacobian * of_way;
+  lin.noise += half * lin.jacobian.transpose();
+  return variance;
+}
+
+/// Whether no pose was fused for longer than errors of a source stay, so that the belief, which its
+/// last pose is in, is no reason to reject another.
+bool PoseEkf::is_overdue(Stamp stamp) const {
+  const double lasts = recipe_->config.correlation_s;
+  return pose_source_.stamp() && seconds_between(*pose_source_.stamp(), stamp) > lasts;
+}
+
+/// What everything else says of the heading is linear in its error only while that is small. Where
+/// it says much less than poses do, its mean is of no use, and theirs takes its place: with ten
+/// times their covariance added, so that they count as a tenth in it at most.
+void PoseEkf::keep_without_poses_linear() {
+  constexpr double kMaxVariance = 0.05 * 0.05;
+  constexpr double kMuchWorse = 9.0;
+  const Matrix<3, 3> worse = without_poses_->P.topLeftCorner<3, 3>();
+  const Matrix<3, 3> better = belief_.P.topLeftCorner<3, 3>();
+  if (worse(2, 2) > std::max(kMaxVariance, kMuchWorse * better(2, 2)) &&
+      worse.topLeftCorner<2, 2>().trace() > kMuchWorse * better.topLeftCorner<2, 2>().trace()) {
+    pose_source_.shift(difference<3>(belief_.x.head<3>(), without_poses_->x.head<3>()));
+    constexpr double kTimes = 10.0;
+    predict(*without_poses_,
+            Propagation<Pose2, 3>{pose(), Matrix<3, 3>::Identity(), kTimes * better}, body_);
+  }
+}
+
+/// How x, y and heading change per second, as odometry says.
+Vector<3> PoseEkf::world_rate() const {
+  if (!odometry_.is_received() || belief_.stamp > odometry_.end() + recipe_->hold) {
+    return Vector<3>::Zero();
+  }
+  const Pose2 rate = odometry_.rate();
+  const double c = std::cos(belief_.x(2));
+  const double s = std::sin(belief_.x(2));
+  return {c * rate.x - s * rate.y, s * rate.x + c * rate.y, rate.heading};
 }
 
 Outcome PoseEkf::on(const RangeBearing& z) {

@@ -214,14 +214,6 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
   internal::keep_in_bounds(belief, row, 2, few);
 }
 
-void widen(GaussianBelief& belief, Slot slot, double factor) {
-  const int row = belief.offset(slot);
-  const double root = std::sqrt(factor);
-  belief.P.middleRows<3>(row) *= root;
-  belief.P.middleCols<3>(row) *= root;
-  internal::keep_in_bounds(belief, row, 3);
-}
-
 void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>& step,
              Slots slots) {
   const std::vector<int> rows = belief.rows(slots);

@@ -110,7 +110,9 @@ class Pose(Strict):
     least_sigma_heading_rad: Positive = 1e-4
     """Minimum heading sigma of any pose [rad]."""
     shares_odometry: bool = False
-    """Whether the localizer, such as AMCL, goes by the same odometry."""
+    """Whether the localizer, such as AMCL, goes by the same odometry, so that its stamps are as
+    late; else [how late they are](models/pose_source.md) is learnt.
+    """
 
 
 class Limits(Strict):

@@ -9,6 +9,7 @@
 #include "locfuse/estimators/calibration.hpp"
 #include "locfuse/estimators/held_motion.hpp"
 #include "locfuse/estimators/pose_estimate.hpp"
+#include "locfuse/estimators/pose_source.hpp"
 #include "locfuse/estimators/world.hpp"
 #include "locfuse/filters/association.hpp"
 #include "locfuse/filters/belief.hpp"
@@ -116,6 +117,9 @@ class PoseEkf {
     return recipe_->calibration.errors(belief_);
   }
 
+  /// What it has learnt of the localizer whose poses it fuses.
+  [[nodiscard]] const PoseSource& pose_source() const { return pose_source_; }
+
   /// Factors of the reported variances, learnt from innovations.
   [[nodiscard]] const AdaptiveNoise& adaptive() const { return adaptive_; }
 
@@ -151,9 +155,18 @@ class PoseEkf {
 
   template <class Noise, class Linearize>
   Outcome correct(std::optional<Source> source, Stamp stamp, const Gate& gate, const Noise& noise,
-                  Slots slots, const Linearize& linearize);
+                  Slots slots, const Linearize& linearize, bool turns = false);
+  template <class Motion>
+  Outcome take(const Motion& u);
+  template <class Change>
+  void change_without_poses(const Change& change);
   Outcome correct_by(const Range& z, const Gate& gate);
-  Outcome intersect(const PoseObservation& z);
+  Outcome fuse_localizer(const PoseObservation& z);
+  [[nodiscard]] double make_honest(Linearization<Eigen::Dynamic, 3, 3>& lin,
+                                   const PoseSource::Compared& z) const;
+  [[nodiscard]] Vector<3> world_rate() const;
+  [[nodiscard]] bool is_overdue(Stamp stamp) const;
+  void keep_without_poses_linear();
   template <class Linearize>
   Outcome correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize);
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> sight(
@@ -164,6 +177,8 @@ class PoseEkf {
 
   std::shared_ptr<const Recipe> recipe_;
   GaussianBelief belief_;
+  std::optional<GaussianBelief> without_poses_;  // the same, from the first pose on
+  PoseSource pose_source_;
   Slot body_;
   HeldMotion odometry_;
   AdaptiveNoise adaptive_;

@@ -52,10 +52,6 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
 /// rounding would leave a variance that is not positive.
 void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
 
-/// Multiplies the variances of the pose in `slot` by a factor >= 1, and its covariances with others
-/// by the root of it: correlations stay.
-void widen(GaussianBelief& belief, Slot slot, double factor);
-
 /// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
 /// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
 /// docs/models/kalman.md. The belief is changed whole or not at all.

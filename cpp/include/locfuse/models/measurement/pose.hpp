@@ -18,9 +18,8 @@ class PoseModel {
     double sigma_heading_rad = 0.0;  ///< of its heading [rad]
     double least_sigma_m = 1e-3;     ///< minimum sigma of a pose [m]
     double least_sigma_heading_rad = 1e-4;  ///< minimum sigma of its heading [rad]
-    /// Whether the localizer goes by the odometry that the filter goes by, so that their errors are
-    /// not independent: a PoseEkf then intersects their covariances,
-    /// where `robust_pose` is Gaussian.
+    /// Whether the localizer goes by the odometry that the filter goes by, so that its stamps are
+    /// as late: a PoseEkf does not learn how late they are then.
     bool shares_odometry = false;
   };
 
