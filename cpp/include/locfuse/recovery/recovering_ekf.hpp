@@ -164,7 +164,7 @@ class RecoveringEkf {
   std::optional<TagConditioner> conditioner_;  // of the fixes that the tracker fuses
   Health health_;
   std::optional<std::variant<Velocity, Increment>> control_;  // the last odometry
-  Stamp newest_ = 0;                // of the measurements received while it tracked, fused or not
+  Stamp newest_ = 0;  // of the measurements received while it tracked, fused or not
   bool was_lost_ = false;
   int alarms_ = 0;
   int restarts_ = 0;
