@@ -8,6 +8,7 @@
 
 #include "locfuse/error.hpp"
 
+/// Equations are those of docs/smoothing.md.
 namespace locfuse::internal {
 
 /// What the rows on one side of a pose say, as far as their errors are more than H says: eq. (7).

@@ -46,7 +46,7 @@ Matrix<3, 3> whitening(const Matrix<3, 3>& R) {
   return factor.matrixL().solve(Matrix<3, 3>::Identity());
 }
 
-/// Where the first pose is: eq. (1).
+/// Where the first pose is: docs/smoothing.md eq. (1).
 class StartCost final : public ceres::SizedCostFunction<3, 3> {
  public:
   explicit StartCost(const PoseEstimate& start)

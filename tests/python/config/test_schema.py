@@ -92,7 +92,7 @@ def declared_fields(header: str, struct: str = "Config") -> set[str]:
     body = re.search(rf"^( *)struct {struct} \{{(.*?)\n\1\}};", text, re.DOTALL | re.MULTILINE)
     assert body is not None, f"{header} declares no {struct}"
     fields = body[2].partition(" static ")[0]  # named defaults may follow
-    return set(re.findall(r"^\s*[\w:]+ (\w+)(?:\s=\s[^;]+|\{[^;]+\})?;", fields, re.MULTILINE))
+    return set(re.findall(r"^\s*[\w:<>]+ (\w+)(?:\s=\s[^;]+|\{[^;]+\})?;", fields, re.MULTILINE))
 
 
 def leaves(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
