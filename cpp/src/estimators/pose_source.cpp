@@ -98,7 +98,7 @@ void PoseSource::learn_scale(const Compared& z) {
   heading_.learn<1>(off.tail<1>(), P.bottomRightCorner<1, 1>(), z.R.bottomRightCorner<1, 1>());
 }
 
-/// Of two poses at rates that differ, each as it has been since the pose before: what stays alike
+/// Of two poses at rates that differ, each as it has been since the pose before: what stays
 /// in their errors plays no part.
 void PoseSource::learn_delay(const Compared& z, const Vector<3>& variances) {
   const Vector<3> lag = PoseSourceTuning::kSigmaDelay * z.changed;

@@ -29,6 +29,10 @@ struct Models {
         pose(estimator.pose),
         landmark(estimator.landmark, world.landmarks.T_body_sensor),
         landmarks(landmarks_of(world)),
+        range_gate(estimator.gate_range),
+        position_gate(estimator.gate_position),
+        pose_gate(estimator.gate_pose),
+        landmark_gate(estimator.gate_landmark),
         hold(hold_of(estimator)) {}
 
   PoseEkf::Config estimator;
@@ -39,6 +43,10 @@ struct Models {
   PoseModel pose;
   RangeBearingModel landmark;
   std::shared_ptr<const LandmarkMap> landmarks;
+  Gate range_gate;
+  Gate position_gate;
+  Gate pose_gate;
+  Gate landmark_gate;
   Stamp hold;
 };
 
@@ -70,7 +78,7 @@ class Builder {
     chain_.guess.push_back(start.pose);
     segment_ = {{}, Matrix<3, 3>::Zero()};
     const Calibration::Config& offsets = config.estimator.calibration;
-    if (offsets.anchor_offset_correlation_s > 0.0) {  // noise that is learnt, not a variable
+    if (offsets.anchor_offset_correlation_s > 0.0) {  // noise that lasts, not a variable
       wandering_ = offsets.sigma_anchor_offset_m * offsets.sigma_anchor_offset_m;
     } else if (offsets.sigma_anchor_offset_m > 0.0) {
       for (const Anchor& anchor : models_->range.anchors().anchors()) {
@@ -91,7 +99,7 @@ class Builder {
     const auto found = std::find(chain_.anchors.begin(), chain_.anchors.end(), z.anchor);
     const int offset =
         found == chain_.anchors.end() ? -1 : static_cast<int>(found - chain_.anchors.begin());
-    return measure(z, message, Source::kRanges, z.anchor, models_->estimator.gate_range,
+    return measure(z, message, Source::kRanges, z.anchor, models_->range_gate,
                    models_->estimator.robust_range, offset,
                    rows_of([models = models_, z, more = wandering_](const Pose2& pose) {
                      auto lin = models->range.linearize(pose, z);
@@ -102,14 +110,14 @@ class Builder {
                    }));
   }
   Outcome on(const PositionFix& z, std::size_t message) {
-    return measure(z, message, Source::kPositions, 0, models_->estimator.gate_position,
+    return measure(z, message, Source::kPositions, 0, models_->position_gate,
                    models_->estimator.robust_position, -1,
                    rows_of([models = models_, z](const Pose2& pose) {
                      return models->position.linearize(pose, z);
                    }));
   }
   Outcome on(const PoseObservation& z, std::size_t message) {
-    return measure(z, message, Source::kPoses, 0, models_->estimator.gate_pose,
+    return measure(z, message, Source::kPoses, 0, models_->pose_gate,
                    models_->estimator.robust_pose, -1,
                    rows_of([models = models_, z](const Pose2& pose) {
                      return models->pose.linearize(pose, z);
@@ -124,7 +132,7 @@ class Builder {
     if (landmark == nullptr) {
       return {Verdict::kNotModelled};
     }
-    return measure(z, message, Source::kSightings, *z.landmark, models_->estimator.gate_landmark,
+    return measure(z, message, Source::kSightings, *z.landmark, models_->landmark_gate,
                    NoiseKind::kGaussian, -1,
                    rows_of([models = models_, z, at = landmark->position](const Pose2& pose) {
                      return models->landmark.linearize(pose, at, z);
@@ -192,7 +200,7 @@ class Builder {
   }
 
   template <class M, class Linearize>
-  Outcome measure(const M& z, std::size_t message, Source source, Id id, double gate,
+  Outcome measure(const M& z, std::size_t message, Source source, Id id, const Gate& gate,
                   NoiseKind kind, int offset, Linearize linearize) {
     validate(z);
     if (!is_plausible(z, models_->estimator.limits)) {
@@ -210,7 +218,7 @@ class Builder {
     chain_.guess.back() = guess_.pose();
     const auto rows = static_cast<int>(lin->residual.size());
     Outcome outcome{Verdict::kFused, rows};
-    outcome.limit = Gate(gate).limit(rows);
+    outcome.limit = gate.limit(rows);
     chain_.measurements.push_back({message, chain_.stamps.size() - 1, source, id, outcome.limit,
                                    dof_of(kind, models_->estimator), offset,
                                    source == Source::kRanges ? wandering_ / lin->noise(0, 0) : 0.0,

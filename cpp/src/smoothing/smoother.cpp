@@ -133,10 +133,10 @@ Whitened whitened(const Measurement& z, const Pose2& pose, double offset) {
   return found;
 }
 
-/// A measurement with a weight that changes from one solution to the next.
+/// A measurement with a weight.
 class MeasurementCost final : public ceres::CostFunction {
  public:
-  MeasurementCost(const Measurement& z, int rows, const double& weight) : z_(z), weight_(weight) {
+  MeasurementCost(const Measurement& z, int rows, double weight) : z_(z), root_(std::sqrt(weight)) {
     set_num_residuals(rows);
     mutable_parameter_block_sizes()->push_back(3);
     if (z.offset >= 0) {
@@ -145,23 +145,22 @@ class MeasurementCost final : public ceres::CostFunction {
   }
 
   bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-    const double root = std::sqrt(weight_);
     const Whitened found = whitened(z_, pose_of(x[0]), z_.offset >= 0 ? x[1][0] : 0.0);
     const int rows = num_residuals();
-    Eigen::Map<Eigen::VectorXd>(residuals, rows) = root * found.residual.head(rows);
+    Eigen::Map<Eigen::VectorXd>(residuals, rows) = root_ * found.residual.head(rows);
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>(jacobians[0], rows, 3) =
-          root * found.by_pose.topRows(rows);
+          root_ * found.by_pose.topRows(rows);
     }
     if (jacobians != nullptr && z_.offset >= 0 && jacobians[1] != nullptr) {
-      jacobians[1][0] = root * found.by_offset(0);
+      jacobians[1][0] = root_ * found.by_offset(0);
     }
     return true;
   }
 
  private:
   const Measurement& z_;
-  const double& weight_;
+  double root_;
 };
 
 /// Minus twice the log likelihood of Student's noise, of a squared residual: eq. (4).
@@ -185,6 +184,7 @@ class Batch {
  public:
   Batch(const SmootherConfig& config, const PoseEstimate& start, const PoseChain& chain)
       : config_(config),
+        start_(start),
         chain_(chain),
         poses_(chain.stamps.size()),
         offsets_(chain.anchors.size(), 0.0),
@@ -194,7 +194,6 @@ class Batch {
       heading += wrap_angle(chain.guess[i].heading - heading);
       poses_[i] = {chain.guess[i].x, chain.guess[i].y, heading};
     }
-    start_.emplace(start);
     const double sigma = config.estimator.calibration.sigma_anchor_offset_m;
     offset_information_ = offsets_.empty() ? 0.0 : 1.0 / (sigma * sigma);
   }
@@ -205,7 +204,7 @@ class Batch {
     options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     options.disable_all_safety_checks = true;
     ceres::Problem problem(options);
-    problem.AddResidualBlock(new StartCost(*start_), nullptr, poses_.front().data());
+    problem.AddResidualBlock(new StartCost(start_), nullptr, poses_.front().data());
     for (std::size_t i = 0; i < chain_.motions.size(); ++i) {
       problem.AddResidualBlock(new MotionCost(chain_.motions[i]), nullptr, poses_[i].data(),
                                poses_[i + 1].data());
@@ -267,10 +266,6 @@ class Batch {
       }
     }
     if (worst <= 1.0) {
-      if (std::any_of(inside_.begin(), inside_.end(), [](double inside) { return inside < 1.0; })) {
-        std::fill(inside_.begin(), inside_.end(), 1.0);
-        solve(found);
-      }
       return;
     }
     double mu = 1.0 / std::max(2.0 * worst - 1.0, 1.0);
@@ -382,7 +377,7 @@ class Batch {
         information.add_next(pose, by[0].transpose() * by[1]);
       }
     };
-    evaluate(StartCost(*start_), 0, false);
+    evaluate(StartCost(start_), 0, false);
     for (std::size_t i = 0; i < chain_.motions.size(); ++i) {
       evaluate(MotionCost(chain_.motions[i]), i, true);
     }
@@ -433,10 +428,10 @@ class Batch {
   }
 
   const SmootherConfig& config_;
+  const PoseEstimate& start_;
   const PoseChain& chain_;
   std::vector<Variables> poses_;
   std::vector<double> offsets_;
-  std::optional<PoseEstimate> start_;
   double offset_information_ = 0.0;
   std::vector<double> inside_;  // their weights: 0 is an outlier
 };

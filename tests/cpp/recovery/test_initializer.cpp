@@ -168,7 +168,7 @@ Start start_of(Robot robot, Initializer initializer, double step_m,
 }
 
 /// Of a robot that stands outside the hull of its anchors, 12 m from the next one.
-Start start_outside(int seed, double sigma, double told) {
+Start start_outside(int seed, double sigma, double stated) {
   const auto far = std::make_shared<const AnchorMap>(std::vector<Anchor>{{0, {10.0, 10.0, 2.0}},
                                                                          {1, {18.0, 10.0, 2.0}},
                                                                          {2, {18.0, 18.0, 2.0}},
@@ -176,13 +176,13 @@ Start start_outside(int seed, double sigma, double told) {
   Robot robot{{3.0, 1.0, 0.5 * kPi}, {{0, {0.0, 0.0, 0.3}}}, far, sigma};
   robot.rng.seed(static_cast<unsigned>(seed));
   Initializer::Config config;
-  config.estimator.range.sigma_m = told;
+  config.estimator.range.sigma_m = stated;
   config.estimator.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
   return start_of(robot, {config, {far, robot.tags}}, 0.04,
                   [](Robot& one, Initializer& initializer) { one.feed(initializer); });
 }
 
-/// Outside the hull a heading and a place that are both wrong explain much: what is told of the
+/// Outside the hull a heading and a place that are both wrong explain much: what is stated of the
 /// noise decides whether they are believed.
 TEST(Initializer, is_not_sure_of_a_start_that_ranges_do_not_fit) {
   constexpr int kSeeds = 100;
@@ -198,7 +198,7 @@ TEST(Initializer, is_not_sure_of_a_start_that_ranges_do_not_fit) {
   }
   EXPECT_EQ(wrong, 0);
   EXPECT_GT(ready, 90);
-  EXPECT_LT(seconds, 5.0);  // where the noise is as it is told nothing is waited for
+  EXPECT_LT(seconds, 5.0);  // where the noise is as it is stated nothing is waited for
 }
 
 /// Fixes of `sigma` at 1 Hz, of a robot that drives at 1.5 m/s.
