@@ -10,6 +10,7 @@
 #include "locfuse/particles/mcl.hpp"
 #include "locfuse/replay/live_mcl.hpp"
 #include "scan_room.hpp"
+#include "support/rooms.hpp"
 
 namespace {
 

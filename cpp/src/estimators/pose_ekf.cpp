@@ -113,35 +113,49 @@ Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& 
   if (!lin) {
     return transaction.close({Verdict::kNotModelled});
   }
-  if (source && adaptive_.is_on()) {
-    lin->noise *= adaptive_.factor(*source);
+  const auto fuse = [&] {
+    return without_poses_ ? fuse_with_both(*lin, slots, gate, noise, turns)
+                          : fuse_with(belief_, *lin, slots, gate, noise, turns);
+  };
+  if (!source || !adaptive_.is_on()) {
+    return transaction.close(fuse());
   }
-  constexpr int kVariables = std::decay_t<decltype(*lin)>::kVariables;
-  Vector<kVariables> linearized_at =
-      Vector<kVariables>::Zero(kVariables == Eigen::Dynamic ? 0 : kVariables);
-  if (without_poses_) {
-    linearized_at = mean_of<kVariables>(belief_, slots);
+  lin->noise *= adaptive_.factor(*source);
+  const Outcome outcome = transaction.close(fuse());
+  const auto rows = static_cast<double>(lin->noise.rows());
+  adaptive_.record(*source, outcome,
+                   std::pow(std::max(determinant_of(lin->noise), 0.0), 1.0 / rows));
+  return outcome;
+}
+
+template <class Lin, class Noise>
+Outcome PoseEkf::fuse_with(GaussianBelief& belief, const Lin& lin, Slots slots, const Gate& gate,
+                           const Noise& noise, bool turns) const {
+  if (!turns) {
+    return internal::fuse(belief, lin, slots, gate, noise);
   }
-  const Vector<2> before = pose().position();
-  const Outcome outcome = transaction.close(internal::fuse(belief_, *lin, slots, gate, noise));
-  if (turns && outcome.verdict == Verdict::kFused) {
-    turn_with_mean(belief_, body_, before);
+  const Vector<2> before = belief.x.head<2>();
+  const Outcome outcome = internal::fuse(belief, lin, slots, gate, noise);
+  if (outcome.verdict == Verdict::kFused) {
+    turn_with_mean(belief, body_, before);
   }
-  if (source && adaptive_.is_on()) {
-    const auto rows = static_cast<double>(lin->noise.rows());
-    adaptive_.record(*source, outcome,
-                     std::pow(std::max(determinant_of(lin->noise), 0.0), 1.0 / rows));
-  }
-  if (without_poses_ && outcome.verdict == Verdict::kFused) {
+  return outcome;
+}
+
+/// The same for the belief without poses, from the residual that it would have seen. Kept out of
+/// the path of a filter that has no poses.
+template <class Lin, class Noise>
+[[gnu::noinline]] Outcome PoseEkf::fuse_with_both(Lin& lin, Slots slots, const Gate& gate,
+                                                  const Noise& noise, bool turns) {
+  constexpr int kVariables = Lin::kVariables;
+  const Vector<kVariables> linearized_at = mean_of<kVariables>(belief_, slots);
+  const Outcome outcome = fuse_with(belief_, lin, slots, gate, noise, turns);
+  if (outcome.verdict == Verdict::kFused) {
     change_without_poses([&](GaussianBelief& belief) {
-      internal::advance(*recipe_, odometry_, body_, belief, stamp);
-      const Vector<2> from = belief.pose(body_).position();
-      lin->residual +=
-          lin->jacobian * difference<kVariables>(linearized_at, mean_of<kVariables>(belief, slots));
-      (void)internal::fuse(belief, *lin, slots, Gate(), noise);
-      if (turns) {
-        turn_with_mean(belief, body_, from);
-      }
+      internal::advance(*recipe_, odometry_, body_, belief, belief_.stamp);
+      lin.residual +=
+          lin.jacobian * difference<kVariables>(linearized_at, mean_of<kVariables>(belief, slots));
+      (void)fuse_with(belief, lin, slots, Gate(), noise, turns);
     });
   }
   return outcome;
@@ -163,6 +177,11 @@ Outcome PoseEkf::take(const Motion& u) {
   if (!without_poses_) {
     return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
   }
+  return take_with_both(u);
+}
+
+template <class Motion>
+[[gnu::noinline]] Outcome PoseEkf::take_with_both(const Motion& u) {
   HeldMotion odometry = odometry_;
   const Outcome outcome = internal::take<3>(*recipe_, odometry_, body_, belief_, u);
   if (outcome.verdict == Verdict::kFused) {

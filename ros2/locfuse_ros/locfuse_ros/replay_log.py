@@ -9,6 +9,7 @@ from typing import Any
 import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -21,6 +22,7 @@ from locfuse_ros.qos import publisher_qos
 from locfuse_ros.start import run
 from locfuse_ros.subscriptions import resolved
 
+ACKNOWLEDGED_S = 5.0  # for subscribers to acknowledge the last messages, lost with the process
 MAX_WORK_S = 0.005  # maximum work per call, so that services and signals are handled
 
 
@@ -57,6 +59,8 @@ class LogNode(Node):
             if time.monotonic() > now + MAX_WORK_S:
                 return
         if self._next is None:
+            for out in self._outs.values():
+                out.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED_S))
             self.get_logger().info("the log has ended")
             rclpy.try_shutdown()
 

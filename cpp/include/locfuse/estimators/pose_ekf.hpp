@@ -156,8 +156,15 @@ class PoseEkf {
   template <class Noise, class Linearize>
   Outcome correct(std::optional<Source> source, Stamp stamp, const Gate& gate, const Noise& noise,
                   Slots slots, const Linearize& linearize, bool turns = false);
+  template <class Lin, class Noise>
+  Outcome fuse_with(GaussianBelief& belief, const Lin& lin, Slots slots, const Gate& gate,
+                    const Noise& noise, bool turns) const;
+  template <class Lin, class Noise>
+  Outcome fuse_with_both(Lin& lin, Slots slots, const Gate& gate, const Noise& noise, bool turns);
   template <class Motion>
   Outcome take(const Motion& u);
+  template <class Motion>
+  Outcome take_with_both(const Motion& u);
   template <class Change>
   void change_without_poses(const Change& change);
   Outcome correct_by(const Range& z, const Gate& gate);
