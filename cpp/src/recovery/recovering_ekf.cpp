@@ -256,25 +256,32 @@ Outcome RecoveringEkf::fuse(const M& z) {
   return track(z);
 }
 
-/// What the tracker makes of it, or all places where a body in space may be.
 template <class M>
 Outcome RecoveringEkf::track(const M& message) {
+  if (auto* air = std::get_if<AirEkf>(&*tracker_)) {
+    return track_in_space(*air, message);
+  }
+  return of(*tracker_, [&](auto& ekf) { return ekf.on(message); });
+}
+
+/// What all places where a body in space may be make of it.
+template <class M>
+Outcome RecoveringEkf::track_in_space(AirEkf& air, const M& message) {
   constexpr bool kIsRange = std::is_same_v<M, Range>;
   if constexpr (kIsRange) {
-    const auto* air = std::get_if<AirEkf>(&*tracker_);
-    if (air != nullptr && !places_ && AirSum::is_vague(*air, message)) {
-      places_.emplace(recipe_->places(), *air);
+    if (!places_ && AirSum::is_vague(air, message)) {
+      places_.emplace(recipe_->places(), air);
     }
   }
   if (!places_) {
-    const Outcome outcome = of(*tracker_, [&](auto& ekf) { return ekf.on(message); });
+    const Outcome outcome = air.on(message);
     if (kIsRange && outcome.verdict == Verdict::kFused) {
-      mirror();
+      mirror(air);
     }
     return outcome;
   }
   const Outcome outcome = places_->on(message);
-  tracker_ = places_->mean();
+  air = places_->mean();
   if (kIsRange && outcome.dof > 0 && places_->decided() != nullptr) {
     if (health_.is_lost() && recipe_->config.restart) {
       restarts_ += places_->has_moved() ? 1 : 0;
@@ -286,13 +293,9 @@ Outcome RecoveringEkf::track(const M& message) {
 }
 
 /// Near the plane of its anchors a body in space may be on either side.
-void RecoveringEkf::mirror() {
-  const auto* air = std::get_if<AirEkf>(&*tracker_);
-  if (air == nullptr || places_) {
-    return;
-  }
-  if (const auto image = air->image()) {
-    places_.emplace(recipe_->places(), *air);
+void RecoveringEkf::mirror(const AirEkf& air) {
+  if (const auto image = air.image()) {
+    places_.emplace(recipe_->places(), air);
     places_->add_image(image->first, image->second);
   }
 }

@@ -139,7 +139,9 @@ class RecoveringEkf {
   Outcome correct(const M& z);
   template <class M>
   [[nodiscard]] Outcome track(const M& message);
-  void mirror();
+  template <class M>
+  [[nodiscard]] Outcome track_in_space(AirEkf& air, const M& message);
+  void mirror(const AirEkf& air);
   template <class M>
   [[nodiscard]] Outcome fuse(const M& z);
   [[nodiscard]] Outcome fuse_conditioned(const PositionFix& z);
