@@ -227,11 +227,12 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
               Source::kRanges, internal::link_of(z));
         });
   }
-  return correct(Source::kRanges, z.stamp, gate, recipe_->range_noise, body_,
-                 [&](const Pose2& pose) {
-                   return internal::of_source(recipe_->config, recipe_->range.linearize(pose, z),
-                                              Source::kRanges, internal::link_of(z));
-                 });
+  return correct(
+      Source::kRanges, z.stamp, gate, recipe_->range_noise, body_, [&](const Pose2& pose) {
+        auto lin = recipe_->range.linearize(pose, z);  // not copied: it is short of time
+        internal::name_source(recipe_->config, lin, Source::kRanges, internal::link_of(z));
+        return lin;
+      });
 }
 
 Outcome PoseEkf::on(const PositionFix& z) {

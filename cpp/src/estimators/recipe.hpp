@@ -79,9 +79,9 @@ inline Id link_of(const Range& z) {
   return z.anchor ^ static_cast<Id>(static_cast<std::uint32_t>(z.tag) << kBitsOfAnchor);
 }
 
-/// The same measurement, which says of whose errors its own are the next.
+/// Says of a measurement of whose errors its own are the next.
 template <class Config, class Lin>
-std::optional<Lin> of_source(const Config& config, std::optional<Lin> lin, Source kind, Id id = 0) {
+void name_source(const Config& config, std::optional<Lin>& lin, Source kind, Id id) {
   if (lin) {
     lin->correlation.time_s = config.correlation_s;
     static_assert(kSources <= kErrorKinds);
@@ -89,6 +89,12 @@ std::optional<Lin> of_source(const Config& config, std::optional<Lin> lin, Sourc
     std::iota(lin->correlation.sources.begin(), lin->correlation.sources.end(),
               source_of(kind, id));
   }
+}
+
+/// The same measurement with its source named.
+template <class Config, class Lin>
+std::optional<Lin> of_source(const Config& config, std::optional<Lin> lin, Source kind, Id id = 0) {
+  name_source(config, lin, kind, id);
   return lin;
 }
 
@@ -317,7 +323,8 @@ template <class Recipe>
 void drive(const Recipe& recipe, GaussianBelief& belief, Slot body, const Pose2& motion,
            Stamp stamp, const std::optional<Vector<3>>& variance) {
   if (!(recipe.config.odometry.sigma_xy_per_sqrt_s > 0.0)) {  // or it may move at rest
-    const double way = std::hypot(motion.x, motion.y) + std::abs(motion.heading);
+    const double way =
+        std::sqrt(motion.x * motion.x + motion.y * motion.y) + std::abs(motion.heading);
     belief.correlated.stand(
         std::max(0.0, seconds_between(belief.stamp, stamp) - way / StandingTuning::kSpeed));
   }

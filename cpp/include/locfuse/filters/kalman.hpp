@@ -184,9 +184,9 @@ Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& li
     return outcome;
   }
   const Vector<N> x_new = x + K * lin.residual;
-  Matrix<N, N> A = P - K.lazyProduct(PHt.transpose());
-  const Cross rest = Cross(A * lin.jacobian.transpose()) - K * lin.noise;
-  A -= rest.lazyProduct(K.transpose());
+  const Matrix<N, N> half = P - K.lazyProduct(PHt.transpose());
+  const Cross rest = Cross(half * lin.jacobian.transpose()) - K * lin.noise;
+  const Matrix<N, N> A = half - rest.lazyProduct(K.transpose());
   if (!std::isfinite(x_new.sum() + A.sum()) || !(A.diagonal().minCoeff() > 0.0)) {
     refuse_result();
   }
