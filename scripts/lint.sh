@@ -26,6 +26,7 @@ step "$bin/lint-imports" --no-logo
 step sh scripts/stubs.sh "$bin" --check
 # Without precompiled headers, which are of another compiler than clang-tidy, and source by source.
 cmake -S . -B build/lint -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
-  -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON \
-  -DLOCFUSE_UNITY_BUILD=OFF >/dev/null
-git ls-files 'cpp/src/*.cpp' | step xargs "$bin/python" scripts/tidy.py build/lint
+  -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DLOCFUSE_BUILD_BENCHMARKS=ON \
+  -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DLOCFUSE_UNITY_BUILD=OFF >/dev/null
+# Benchmarks, too, which no other check compiles.
+git ls-files 'cpp/src/*.cpp' 'benchmarks/cpp/bench_*.cpp' | step xargs "$bin/python" scripts/tidy.py build/lint

@@ -3,6 +3,7 @@
 
 Usage: tidy.py FOLDER_WITH_COMPILE_COMMANDS SOURCE ... Sources of one room with the same flags are
 checked as one, which goes through their headers once: so no two of them may define the same name.
+Benchmarks, which are programs, are checked each by itself.
 What has passed is known by its text, the text of everything it includes, and the settings of
 clang-tidy; see passed.py.
 """
@@ -48,12 +49,14 @@ class Batch:
 
 def batches_of(build: Path, sources: list[Path]) -> list[Batch]:
     """Return sources by room and flags, the largest batches first."""
+    programs = ROOT / "benchmarks"
     grouped: defaultdict[tuple[Path, tuple[str, ...]], set[Path]] = defaultdict(set)
     for entry in json.loads((build / "compile_commands.json").read_text()):
         source = Path(entry["file"])
         if source in sources:
             command = shlex.split(entry["command"])
-            grouped[source.parent, tuple(command[1 : command.index("-o")])].add(source)
+            room = source if programs in source.parents else source.parent
+            grouped[room, tuple(command[1 : command.index("-o")])].add(source)
     batches: list[Batch] = []
     for (_, flags), files in grouped.items():
         parts = -(-len(files) // MAX_TOGETHER)
