@@ -10,6 +10,7 @@ using locfuse::GaussianBelief;
 using locfuse::NoiseKind;
 using locfuse::NoiseShape;
 using locfuse::Outcome;
+using locfuse::Reason;
 using locfuse::Slot;
 using locfuse::SlotKind;
 using locfuse::Verdict;
@@ -45,8 +46,38 @@ void bind_filters(py::module_& m) {
       .value("STALE", Verdict::kStale)
       .value("IMPLAUSIBLE", Verdict::kImplausible)
       .finalize();
+  py::native_enum<Reason>(m, "Reason", "enum.IntEnum", "Why a message was not fused.")
+      .value("NONE", Reason::kNone)
+      .value("UNLIKELY", Reason::kUnlikely)
+      .value("SOURCE_EXCLUDED", Reason::kSourceExcluded)
+      .value("AMBIGUOUS", Reason::kAmbiguous)
+      .value("BEYOND_LIMITS", Reason::kBeyondLimits)
+      .value("FROZEN", Reason::kFrozen)
+      .value("JUMPED", Reason::kJumped)
+      .value("BEFORE_ESTIMATE", Reason::kBeforeEstimate)
+      .value("TOO_LATE", Reason::kTooLate)
+      .value("TOO_FAR_AHEAD", Reason::kTooFarAhead)
+      .value("SWITCHED_OFF", Reason::kSwitchedOff)
+      .value("NOT_STARTED", Reason::kNotStarted)
+      .value("WAITS", Reason::kWaits)
+      .value("NOT_USED", Reason::kNotUsed)
+      .value("UNKNOWN_ANCHOR", Reason::kUnknownAnchor)
+      .value("UNKNOWN_TAG", Reason::kUnknownTag)
+      .value("UNKNOWN_LANDMARK", Reason::kUnknownLandmark)
+      .value("UNNAMED", Reason::kUnnamed)
+      .value("NO_DIRECTION", Reason::kNoDirection)
+      .value("NO_SIGMA", Reason::kNoSigma)
+      .value("NO_DURATION", Reason::kNoDuration)
+      .value("INCOMPLETE", Reason::kIncomplete)
+      .value("MAP_FULL", Reason::kMapFull)
+      .value("NO_NEWS", Reason::kNoNews)
+      .value("NO_RETURNS", Reason::kNoReturns)
+      .value("COVERED", Reason::kCovered)
+      .value("NUMERICAL", Reason::kNumerical)
+      .finalize();
   py::class_<Outcome>(m, "Outcome", "Verdict on one message with its innovation statistics.")
       .def_readonly("verdict", &Outcome::verdict)
+      .def_readonly("reason", &Outcome::reason, "Why it was not fused; NONE if it was.")
       .def_readonly("nis", &Outcome::nis,
                     "Normalized innovation squared r' S^-1 r; NaN if the message was not compared.")
       .def_readonly("dof", &Outcome::dof, "Rows of the innovation.")

@@ -169,11 +169,6 @@ void bind_replay(py::module_& m) {
             return to_numpy(std::move(rows), {static_cast<py::ssize_t>(r.in_space.size()), 4, 4});
           },
           "Of (x, y, heading, height), (n, 4, 4); else empty.")
-      .def_property_readonly("log_likelihood",
-                             [](const RunLog& r) {
-                               return column_of<double>(
-                                   r.outcomes, [](const auto& o) { return o.log_likelihood(); });
-                             })
       .def_property_readonly(
           "interventions",
           [](const RunLog& r) {
@@ -232,6 +227,9 @@ void bind_replay(py::module_& m) {
       .def_property_readonly(
           "scan_verdict", [](const LocalizeRun& r) { return verdicts_of(r.scan_outcomes); },
           "Index into Verdict, one per scan.")
+      .def_property_readonly(
+          "scan_reason", [](const LocalizeRun& r) { return reasons_of(r.scan_outcomes); },
+          "Index into Reason, one per scan.")
       .def_property_readonly(
           "stamp_ns",
           [](const LocalizeRun& r) {

@@ -42,6 +42,11 @@ inline pybind11::array_t<std::uint8_t> verdicts_of(const std::vector<locfuse::Ou
       outcomes, [](const locfuse::Outcome& o) { return static_cast<std::uint8_t>(o.verdict); });
 }
 
+inline pybind11::array_t<std::uint8_t> reasons_of(const std::vector<locfuse::Outcome>& outcomes) {
+  return column_of<std::uint8_t>(
+      outcomes, [](const locfuse::Outcome& o) { return static_cast<std::uint8_t>(o.reason); });
+}
+
 /// Binds what became of each message.
 template <class Run>
 void bind_outcome_columns(pybind11::class_<Run>& bound) {
@@ -49,6 +54,9 @@ void bind_outcome_columns(pybind11::class_<Run>& bound) {
       .def_property_readonly(
           "verdict", [](const Run& r) { return verdicts_of(r.outcomes); },
           "Index into Verdict, one per message in order of arrival.")
+      .def_property_readonly(
+          "reason", [](const Run& r) { return reasons_of(r.outcomes); },
+          "Index into Reason, why it was not fused.")
       .def_property_readonly(
           "limit",
           [](const Run& r) {
@@ -65,8 +73,13 @@ void bind_outcome_columns(pybind11::class_<Run>& bound) {
                                return column_of<std::int64_t>(r.outcomes,
                                                               [](const auto& o) { return o.dof; });
                              })
-      .def_property_readonly("nis", [](const Run& r) {
-        return column_of<double>(r.outcomes, [](const auto& o) { return o.nis; });
+      .def_property_readonly("nis",
+                             [](const Run& r) {
+                               return column_of<double>(r.outcomes,
+                                                        [](const auto& o) { return o.nis; });
+                             })
+      .def_property_readonly("log_likelihood", [](const Run& r) {
+        return column_of<double>(r.outcomes, [](const auto& o) { return o.log_likelihood(); });
       });
 }
 

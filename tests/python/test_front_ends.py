@@ -39,12 +39,15 @@ FLOOR: Mapping[str, Any] = {
     "poses": None,
     "ranges": None,
 }
+ANCHORS = {"A": [0, 0, 2], "B": [9, 0, 2], "C": [0, 8, 2], "D": [9, 8, 2]}
 PARTICLES: Mapping[str, Mapping[str, Any]] = {
     **{f"proposal {name}": {"mcl": {"proposal": name, "max_particles": 1000}}
        for name in PROPOSALS},
     "beams": {"mcl": {"likelihood": "beams", "max_particles": 1000}},
     "poses": {"mcl": {"poses_hz": 2.0, "max_particles": 1000}},
     "scan_odometry": {"scan_odometry": {}},
+    "switch": {"mcl": {"switch": {}, "max_particles": 1000},
+               "simulation": {**FLOOR, "anchors": ANCHORS, "ranges": {"rate_hz": 5}}},
 }  # fmt: skip
 CASES = [*PARTICLES, *(f"cylinders {name}" for name in METHODS)]
 
@@ -129,4 +132,6 @@ def setting(case: str, config: RunConfig) -> object:
     if case == "scan_odometry":
         return config.scan_odometry and "scan_odometry"
     mcl = config.mcl
-    return mcl and (mcl.proposal, mcl.likelihood, mcl.max_particles)
+    if mcl is None or (case == "switch" and mcl.switch is None):
+        return None  # a choice of the studio without the switch
+    return mcl.proposal, mcl.likelihood, mcl.max_particles

@@ -132,14 +132,18 @@ def test_live(kind: Kind) -> None:
     assert_same(*driven(kind))
 
 
+@pytest.mark.parametrize("late_ones", ["all of a moment", "any row"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_late_messages_give_the_bits_of_the_sorted_log(kind: Kind) -> None:
+def test_late_messages_give_the_bits_of_the_sorted_log(kind: Kind, late_ones: str) -> None:
+    """Of several at one stamp, too, of which some are late."""
     config, log = driven(kind)
-    tables = dict(log.tables)
+    tables, rng = dict(log.tables), np.random.default_rng(1)
     for source in ("ranges", "positions", "poses", "landmark_sightings", "altitudes"):
         if source in tables:
             stamp = tables[source]["stamp_ns"]
             is_late = stamp // 200_000_000 % 5 == 0
+            if late_ones == "any row":
+                is_late = rng.random(len(stamp)) < 0.2
             arrival = stamp + np.where(is_late, 500_000_000, 0)
             tables[source] = {**tables[source], "arrival_ns": arrival}
     late = replace(log, tables=tables)

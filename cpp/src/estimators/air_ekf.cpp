@@ -176,10 +176,10 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
   const bool plausible = is_plausible(u, recipe_->config.limits) &&
                          std::abs(climb_rate) <= recipe_->config.limits.speed_mps;
   if (!plausible) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (recipe_->config.motion == AirMotion::kConstantVelocity) {
-    return {Verdict::kIgnored};
+    return {Verdict::kIgnored, Reason::kNotUsed};
   }
   AirTransaction transaction(belief_, u.stamp);
   lift(effective_stamp(u));
@@ -191,17 +191,17 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
   return outcome;
 }
 
-template <class Noise, class Linearize>
+template <class Noise, class Linearize, class Why>
 Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
-                        const Linearize& linearize) {
+                        const Linearize& linearize, const Why& why) {
   if (stamp < belief_.stamp) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   AirTransaction transaction(belief_, stamp);
   advance_to(stamp);
   const auto lin = linearize();
   return transaction.close(lin ? internal::fuse(belief_, *lin, slots, gate, noise)
-                               : Outcome{Verdict::kNotModelled});
+                               : Outcome{Verdict::kNotModelled, why()});
 }
 
 Outcome AirEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
@@ -217,57 +217,71 @@ Outcome AirEkf::weigh(const Range& z) {
 Outcome AirEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
-  return correct(z.stamp, gate, recipe_->range_noise, place_, [&] {
-    return internal::of_source(recipe_->config, recipe_->range.linearize(pose(), height(), z),
-                               Source::kRanges, internal::link_of(z));
-  });
+  return correct(
+      z.stamp, gate, recipe_->range_noise, place_,
+      [&] {
+        return internal::of_source(recipe_->config, recipe_->range.linearize(pose(), height(), z),
+                                   Source::kRanges, internal::link_of(z));
+      },
+      [&] { return internal::why_not(recipe_->range, z); });
 }
 
 Outcome AirEkf::on(const PositionFix& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
-  return correct(z.stamp, recipe_->position_gate, recipe_->position_noise, body_, [&] {
-    return internal::of_source(recipe_->config, recipe_->position.linearize(pose(), z),
-                               Source::kPositions);
-  });
+  return correct(
+      z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
+      [&] {
+        return internal::of_source(recipe_->config, recipe_->position.linearize(pose(), z),
+                                   Source::kPositions);
+      },
+      [&] { return internal::why_not(recipe_->range.tags(), z); });
 }
 
 Outcome AirEkf::on(const Altitude& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
-  return correct(z.stamp, recipe_->altitude_gate, internal::kGaussian, height_, [&] {
-    return internal::of_source(recipe_->config,
-                               std::optional(recipe_->altitude.linearize(height(), z)),
-                               Source::kAltitudes);
-  });
+  return correct(
+      z.stamp, recipe_->altitude_gate, internal::kGaussian, height_,
+      [&] {
+        return internal::of_source(recipe_->config,
+                                   std::optional(recipe_->altitude.linearize(height(), z)),
+                                   Source::kAltitudes);
+      },
+      [] { return Reason::kNone; });
 }
 
 Outcome AirEkf::on(const PoseObservation& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
-  return correct(z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_, [&] {
-    return internal::of_source(recipe_->config, recipe_->pose.linearize(pose(), z), Source::kPoses);
-  });
+  return correct(
+      z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
+      [&] {
+        return internal::of_source(recipe_->config, recipe_->pose.linearize(pose(), z),
+                                   Source::kPoses);
+      },
+      [] { return Reason::kNoSigma; });
 }
 
 Outcome AirEkf::on(const RangeBearing& z) {
   validate_in_space(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   const Landmark* landmark = z.landmark ? recipe_->landmarks->find(*z.landmark) : nullptr;
   using Sighting = std::optional<Linearization<Eigen::Dynamic, 4, 3>>;
   Vector<2> before = Vector<2>::Zero();
-  const Outcome outcome =
-      correct(z.stamp, recipe_->landmark_gate, internal::kGaussian, place_, [&]() -> Sighting {
+  const Outcome outcome = correct(
+      z.stamp, recipe_->landmark_gate, internal::kGaussian, place_,
+      [&]() -> Sighting {
         if (landmark == nullptr) {
           return std::nullopt;
         }
@@ -276,7 +290,8 @@ Outcome AirEkf::on(const RangeBearing& z) {
         return internal::of_source(recipe_->config,
                                    recipe_->landmark.linearize(pose(), height(), place, z),
                                    Source::kSightings, landmark->id);
-      });
+      },
+      [&] { return z.landmark ? internal::why_not(*recipe_->landmarks, z) : Reason::kUnnamed; });
   if (outcome.verdict == Verdict::kFused && z.bearing) {
     turn_with_mean(belief_, body_, before);
   }
@@ -515,25 +530,33 @@ std::vector<Vector<3>> AirEkf::places(const std::vector<Range>& ranges) const {
 Outcome AirEkf::on_at(const Range& z, const Vector<3>& place, Stamp at) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   auto lin = recipe_->range.linearize({place.x(), place.y(), pose().heading}, place.z(), z);
   if (lin) {
     const Vector<3> along(lin->jacobian(0), lin->jacobian(1), lin->jacobian(3));
     const double seconds = seconds_between(at, z.stamp);
     const double moved = seconds * seconds * squared_speed(along);
-    if (lin->residual.squaredNorm() > recipe_->range_gate.limit(1) * (lin->noise(0) + moved)) {
-      return {Verdict::kGated};
+    const double nis = lin->residual.squaredNorm() / (lin->noise(0) + moved);
+    if (nis > recipe_->range_gate.limit(1)) {
+      Outcome outcome{Verdict::kGated, Reason::kUnlikely};
+      outcome.nis = nis;
+      outcome.limit = recipe_->range_gate.limit(1);
+      return outcome;
     }
   }
-  return correct(z.stamp, recipe_->range_gate, recipe_->range_noise, place_, [&] {
-    if (lin) {
-      const Vector<4> off(pose().x - place.x(), pose().y - place.y(), 0.0, height() - place.z());
-      lin->residual -= lin->jacobian * off;
-    }
-    return internal::of_source(recipe_->config, std::move(lin), Source::kRanges,
-                               internal::link_of(z));
-  });
+  return correct(
+      z.stamp, recipe_->range_gate, recipe_->range_noise, place_,
+      [&] {
+        if (lin) {
+          const Vector<4> off(pose().x - place.x(), pose().y - place.y(), 0.0,
+                              height() - place.z());
+          lin->residual -= lin->jacobian * off;
+        }
+        return internal::of_source(recipe_->config, std::move(lin), Source::kRanges,
+                                   internal::link_of(z));
+      },
+      [&] { return internal::why_not(recipe_->range, z); });
 }
 
 AirEkf AirEkf::mixed(double weight,

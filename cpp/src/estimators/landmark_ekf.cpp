@@ -110,16 +110,16 @@ Outcome LandmarkEkf::on(const Increment& u) {
 Outcome LandmarkEkf::on(const PositionFix& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (z.stamp < belief_.stamp) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   MapTransaction transaction(belief_, z.stamp);
   advance_to(z.stamp);
   const auto lin = recipe_->position.linearize(pose(), z);
   return transaction.close(lin ? update(belief_, *lin, body_, recipe_->position_gate)
-                               : Outcome{Verdict::kNotModelled});
+                               : Outcome{Verdict::kNotModelled, Reason::kNoSigma});
 }
 
 Outcome LandmarkEkf::on(const RangeBearing& z) {
@@ -128,7 +128,7 @@ Outcome LandmarkEkf::on(const RangeBearing& z) {
 
 Outcome LandmarkEkf::on(const Altitude& z) {
   validate(z);
-  return {Verdict::kNotModelled};
+  return {Verdict::kNotModelled, Reason::kNotUsed};
 }
 
 Outcome LandmarkEkf::on(const Message& message) {
@@ -142,7 +142,8 @@ std::vector<Outcome> LandmarkEkf::on_joint(const std::vector<RangeBearing>& sigh
     return internal::plausible_only(sightings, recipe_->config.limits,
                                     [&](const auto& rest) { return on_joint(rest, association); });
   }
-  std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kStale});
+  std::vector<Outcome> outcomes(sightings.size(),
+                                Outcome{Verdict::kStale, Reason::kBeforeEstimate});
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
     return outcomes;
   }
@@ -225,7 +226,7 @@ Pairings LandmarkEkf::candidates(const std::vector<RangeBearing>& sightings) con
 Outcome LandmarkEkf::correct(Track& track, const RangeBearing& z) {
   const std::optional<Sighting> lin = linearize(track, z);
   if (!lin) {
-    return {Verdict::kNotModelled};
+    return {Verdict::kNotModelled, Reason::kNoDirection};
   }
   Outcome outcome;
   if (track.slot) {
@@ -251,7 +252,8 @@ Outcome LandmarkEkf::correct(Track& track, const RangeBearing& z) {
 Outcome LandmarkEkf::unexplained(const RangeBearing& z, std::vector<bool>& seen) {
   const bool known = z.landmark ? find(*z.landmark) >= 0 : !tracks_.empty();
   if (!is_full(z) || (z.landmark && known)) {
-    return {known ? Verdict::kGated : Verdict::kNotModelled};
+    return known ? Outcome{Verdict::kGated, Reason::kUnlikely}
+                 : Outcome{Verdict::kNotModelled, Reason::kIncomplete};
   }
   if (z.landmark) {
     return add(z);
@@ -265,6 +267,7 @@ Outcome LandmarkEkf::unexplained(const RangeBearing& z, std::vector<bool>& seen)
   const bool fits = match.outcome.nis <= match.outcome.limit;
   if (track.confirmed || seen[index] || !fits) {
     match.outcome.verdict = Verdict::kGated;
+    match.outcome.reason = fits ? Reason::kAmbiguous : Reason::kUnlikely;
     return match.outcome;
   }
   seen[index] = true;
@@ -296,6 +299,7 @@ Outcome LandmarkEkf::count(Track& track, const RangeBearing& z, Outcome outcome)
   }
   ++track.sightings;
   outcome.verdict = Verdict::kFused;
+  outcome.reason = Reason::kNone;
   return outcome;
 }
 
@@ -304,7 +308,7 @@ Outcome LandmarkEkf::add(const RangeBearing& z) {
                                       [](const Track& track) { return track.slot.has_value(); });
   const std::optional<RangeBearingModel::Placed> placed = recipe_->landmark.place(pose(), z);
   if (in_state >= recipe_->config.max_landmarks || !placed) {
-    return {Verdict::kNotModelled};
+    return {Verdict::kNotModelled, placed ? Reason::kMapFull : Reason::kNoDirection};
   }
   while (find(unnamed_) >= 0) {
     --unnamed_;

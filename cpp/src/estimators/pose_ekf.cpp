@@ -101,17 +101,18 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   return other;
 }
 
-template <class Noise, class Linearize>
+template <class Noise, class Linearize, class Why>
 Outcome PoseEkf::correct(std::optional<Source> source, Stamp stamp, const Gate& gate,
-                         const Noise& noise, Slots slots, const Linearize& linearize, bool turns) {
+                         const Noise& noise, Slots slots, const Linearize& linearize,
+                         const Why& why, bool turns) {
   if (stamp < belief_.stamp) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   Transaction<3> transaction(belief_, stamp);
   advance_to(stamp);
   auto lin = linearize(pose());
   if (!lin) {
-    return transaction.close({Verdict::kNotModelled});
+    return transaction.close({Verdict::kNotModelled, why()});
   }
   const auto fuse = [&] {
     return without_poses_ ? fuse_with_both(*lin, slots, gate, noise, turns)
@@ -164,8 +165,9 @@ template <class Lin, class Noise>
 /// A direction in which the world is seen turns the covariance with the mean.
 template <class Linearize>
 Outcome PoseEkf::correct_by(const RangeBearing& z, Slots slots, const Linearize& linearize) {
-  return correct(Source::kSightings, z.stamp, recipe_->landmark_gate, internal::kGaussian, slots,
-                 linearize, z.bearing.has_value());
+  return correct(
+      Source::kSightings, z.stamp, recipe_->landmark_gate, internal::kGaussian, slots, linearize,
+      [&] { return internal::why_not(*recipe_->landmarks, z); }, z.bearing.has_value());
 }
 
 Outcome PoseEkf::on(const Velocity& u) { return take(u); }
@@ -216,57 +218,66 @@ Outcome PoseEkf::weigh(const Range& z) {
 Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
+  const auto why = [&] { return internal::why_not(recipe_->range, z); };
   const Calibration& calibration = recipe_->calibration;
   if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
     return correct(
-        Source::kRanges, z.stamp, gate, recipe_->range_noise, *slots, [&](const Pose2& /*pose*/) {
+        Source::kRanges, z.stamp, gate, recipe_->range_noise, *slots,
+        [&](const Pose2& /*pose*/) {
           return internal::of_source(
               recipe_->config, calibration.linearize(belief_, recipe_->range, z, odometry_.rate()),
               Source::kRanges, internal::link_of(z));
-        });
+        },
+        why);
   }
   return correct(
-      Source::kRanges, z.stamp, gate, recipe_->range_noise, body_, [&](const Pose2& pose) {
+      Source::kRanges, z.stamp, gate, recipe_->range_noise, body_,
+      [&](const Pose2& pose) {
         auto lin = recipe_->range.linearize(pose, z);  // not copied: it is short of time
         internal::name_source(recipe_->config, lin, Source::kRanges, internal::link_of(z));
         return lin;
-      });
+      },
+      why);
 }
 
 Outcome PoseEkf::on(const PositionFix& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
-  return correct(Source::kPositions, z.stamp, recipe_->position_gate, recipe_->position_noise,
-                 body_, [&](const Pose2& pose) {
-                   return internal::of_source(recipe_->config, recipe_->position.linearize(pose, z),
-                                              Source::kPositions);
-                 });
+  return correct(
+      Source::kPositions, z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
+      [&](const Pose2& pose) {
+        return internal::of_source(recipe_->config, recipe_->position.linearize(pose, z),
+                                   Source::kPositions);
+      },
+      [&] { return internal::why_not(recipe_->range.tags(), z); });
 }
 
 Outcome PoseEkf::on(const PoseObservation& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (recipe_->config.correlation_s > 0.0 && recipe_->pose_noise.is_gaussian()) {
     return fuse_localizer(z);
   }
-  return correct(Source::kPoses, z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
-                 [&](const Pose2& pose) {
-                   return internal::of_source(recipe_->config, recipe_->pose.linearize(pose, z),
-                                              Source::kPoses);
-                 });
+  return correct(
+      Source::kPoses, z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
+      [&](const Pose2& pose) {
+        return internal::of_source(recipe_->config, recipe_->pose.linearize(pose, z),
+                                   Source::kPoses);
+      },
+      [] { return Reason::kNoSigma; });
 }
 
 /// Fuses the pose of a localizer whose errors may stay: with what everything else says, and in
 /// place of its poses before; docs/models/pose_source.md.
 Outcome PoseEkf::fuse_localizer(const PoseObservation& z) {
   if (z.stamp < belief_.stamp) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   if (!without_poses_) {
     without_poses_ = belief_;
@@ -278,10 +289,10 @@ Outcome PoseEkf::fuse_localizer(const PoseObservation& z) {
   internal::advance(*recipe_, odometry_, body_, *without_poses_, z.stamp);
   auto lin = recipe_->pose.linearize(pose(), z);
   if (!lin) {
-    return transaction.close({Verdict::kNotModelled});
+    return transaction.close({Verdict::kNotModelled, Reason::kNoSigma});
   }
   if (pose_source_.is_frozen(z.pose, pose())) {
-    return transaction.close({Verdict::kImplausible});
+    return transaction.close({Verdict::kImplausible, Reason::kFrozen});
   }
   const bool is_whole = lin->residual.size() == 3;
   const Vector<3> place = without_poses_->x.head<3>();
@@ -314,6 +325,7 @@ Outcome PoseEkf::fuse_localizer(const PoseObservation& z) {
     return transaction.close(outcome);
   }
   outcome.verdict = Verdict::kFused;
+  outcome.reason = Reason::kNone;
   pose_source_.take(z.stamp, z.pose, pose(), place);
   if (is_whole) {
     PoseSource::Compared with = compared;
@@ -401,7 +413,7 @@ Vector<3> PoseEkf::world_rate() const {
 Outcome PoseEkf::on(const RangeBearing& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (z.landmark) {
     return on(z, recipe_->landmarks->find(*z.landmark));
@@ -424,7 +436,8 @@ Outcome PoseEkf::on(const RangeBearing& z) {
 Outcome PoseEkf::on(const RangeBearing& z, const Landmark* landmark) {
   const RangeBearingModel& model = recipe_->landmark;
   if (landmark == nullptr) {
-    return {z.stamp < belief_.stamp ? Verdict::kStale : Verdict::kNotModelled};
+    return z.stamp < belief_.stamp ? Outcome{Verdict::kStale, Reason::kBeforeEstimate}
+                                   : Outcome{Verdict::kNotModelled, Reason::kUnknownLandmark};
   }
   if (!recipe_->calibration.is_empty()) {
     return correct_by(z, recipe_->calibration.slots(),
@@ -462,7 +475,8 @@ std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sighting
     return internal::plausible_only(sightings, recipe_->config.limits,
                                     [&](const auto& rest) { return on_joint(rest, association); });
   }
-  std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kStale});
+  std::vector<Outcome> outcomes(sightings.size(),
+                                Outcome{Verdict::kStale, Reason::kBeforeEstimate});
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {
     return outcomes;
   }
@@ -474,7 +488,7 @@ std::vector<Outcome> PoseEkf::on_joint(const std::vector<RangeBearing>& sighting
     const bool known = name ? recipe_->landmarks->find(*name) != nullptr
                             : !recipe_->landmarks->landmarks().empty();
     outcomes[i] = landmarks[i] == nullptr && known
-                      ? Outcome{Verdict::kGated}
+                      ? Outcome{Verdict::kGated, Reason::kUnlikely}
                       : transaction.close(internal::one_of_several(
                             [&] { return on(sightings[i], landmarks[i]); }));
   }
@@ -512,7 +526,7 @@ std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>
 
 Outcome PoseEkf::on(const Altitude& z) {
   validate(z);
-  return {Verdict::kNotModelled};
+  return {Verdict::kNotModelled, Reason::kNotUsed};
 }
 
 Outcome PoseEkf::on(const Message& message) {
@@ -520,8 +534,9 @@ Outcome PoseEkf::on(const Message& message) {
 }
 
 Outcome PoseEkf::fuse(Stamp stamp, const Linearization<Eigen::Dynamic, 3>& lin, const Gate& gate) {
-  return correct(std::nullopt, stamp, gate, internal::kGaussian, body_,
-                 [&](const Pose2& /*pose*/) { return std::optional(lin); });
+  return correct(
+      std::nullopt, stamp, gate, internal::kGaussian, body_,
+      [&](const Pose2& /*pose*/) { return std::optional(lin); }, [] { return Reason::kNone; });
 }
 
 Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
@@ -565,7 +580,8 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
         joint.jacobian.conservativeResize(rows, 3);
         joint.noise.conservativeResize(rows, rows);
         return rows > 0 ? std::optional(joint) : std::nullopt;
-      });
+      },
+      [&] { return internal::why_not(recipe_->range, epoch.front()); });
 }
 
 void PoseEkf::advance_to(Stamp stamp) {

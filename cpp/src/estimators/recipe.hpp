@@ -24,6 +24,7 @@
 #include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/messages/messages.hpp"
+#include "locfuse/models/measurement/range.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
 /// What the recipes of estimators have in common.
@@ -116,7 +117,7 @@ Outcome dispatch(Estimator& estimator, const Message& message) {
       [&](const auto& m) -> Outcome {
         if constexpr ((std::is_same_v<std::decay_t<decltype(m)>, Ignored> || ...)) {
           validate(m);
-          return {Verdict::kIgnored};
+          return {Verdict::kIgnored, Reason::kNotUsed};
         } else {
           return estimator.on(m);
         }
@@ -182,7 +183,8 @@ std::vector<Outcome> plausible_only(const std::vector<M>& messages, const Limits
   std::copy_if(messages.begin(), messages.end(), std::back_inserter(rest),
                [&](const M& message) { return is_plausible(message, limits); });
   const std::vector<Outcome> of_rest = on(rest);
-  std::vector<Outcome> outcomes(messages.size(), Outcome{Verdict::kImplausible});
+  std::vector<Outcome> outcomes(messages.size(),
+                                Outcome{Verdict::kImplausible, Reason::kBeyondLimits});
   std::size_t next = 0;
   for (std::size_t i = 0; i < messages.size(); ++i) {
     if (is_plausible(messages[i], limits)) {
@@ -199,8 +201,28 @@ Outcome one_of_several(const Fuse& fuse) {
   try {
     return fuse();
   } catch (const NumericalError&) {
-    return {Verdict::kNotModelled};
+    return {Verdict::kNotModelled, Reason::kNumerical};
   }
+}
+
+/// Why a model has nothing to say of a measurement.
+inline Reason why_not(const RangeModel& model, const Range& z) {
+  if (model.anchors().find(z.anchor) == nullptr) {
+    return Reason::kUnknownAnchor;
+  }
+  const bool is_known = std::any_of(model.tags().begin(), model.tags().end(),
+                                    [&](const Tag& tag) { return tag.id == z.tag; });
+  return is_known ? Reason::kNoDirection : Reason::kUnknownTag;
+}
+inline Reason why_not(const std::vector<Tag>& tags, const PositionFix& z) {
+  const bool is_known = !z.tag || std::any_of(tags.begin(), tags.end(),
+                                              [&](const Tag& tag) { return tag.id == *z.tag; });
+  return is_known ? Reason::kNoSigma : Reason::kUnknownTag;
+}
+inline Reason why_not(const LandmarkMap& landmarks, const RangeBearing& z) {
+  const bool is_known =
+      z.landmark ? landmarks.find(*z.landmark) != nullptr : !landmarks.landmarks().empty();
+  return is_known ? Reason::kNoDirection : Reason::kUnknownLandmark;
 }
 
 /// Throws std::invalid_argument if an estimate is asked for before the belief.
@@ -373,10 +395,10 @@ Outcome take(const Recipe& recipe, HeldMotion& odometry, Slot body, GaussianBeli
              const Motion& u) {
   validate(u);
   if (!is_plausible(u, recipe.config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (u.stamp < belief.stamp) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   Transaction<Rows> transaction(belief, u.stamp);
   if constexpr (std::is_same_v<Motion, Increment>) {

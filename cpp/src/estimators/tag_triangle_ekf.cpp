@@ -323,16 +323,17 @@ TagTriangleEkf::TagTriangleEkf(const Config& config, const World& world,
 
 const std::vector<Tag>& TagTriangleEkf::tags() const { return recipe_->tags.all(); }
 
-template <class Linearize>
-Outcome TagTriangleEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize) {
+template <class Linearize, class Why>
+Outcome TagTriangleEkf::correct(Stamp stamp, const Gate& gate, const Linearize& linearize,
+                                const Why& why) {
   if (stamp < belief_.stamp) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   Transaction transaction(*this);
   advance_to(stamp);
   const auto lin = linearize();
   const Outcome outcome =
-      lin ? update(belief_, *lin, recipe_->slots, gate) : Outcome{Verdict::kNotModelled};
+      lin ? update(belief_, *lin, recipe_->slots, gate) : Outcome{Verdict::kNotModelled, why()};
   sides_due_ = sides_due_ || lacks_odometry();
   return transaction.close(outcome);
 }
@@ -345,21 +346,27 @@ bool TagTriangleEkf::lacks_odometry() const {
 Outcome TagTriangleEkf::on(const PositionFix& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   const int tag = z.tag ? recipe_->find(*z.tag) : -1;
-  return correct(z.stamp, recipe_->position_gate, [&]() -> std::optional<Fix> {
-    const auto lin = tag < 0 ? std::nullopt : recipe_->position.linearize_point(position(tag), z);
-    if (!lin) {
-      return std::nullopt;
-    }
-    Fix rows;
-    rows.residual = lin->residual;
-    rows.jacobian.setZero(lin->residual.size(), kVariables);
-    rows.jacobian.middleCols<2>(2 * tag) = lin->jacobian;
-    rows.noise = lin->noise;
-    return rows;
-  });
+  return correct(
+      z.stamp, recipe_->position_gate,
+      [&]() -> std::optional<Fix> {
+        const auto lin =
+            tag < 0 ? std::nullopt : recipe_->position.linearize_point(position(tag), z);
+        if (!lin) {
+          return std::nullopt;
+        }
+        Fix rows;
+        rows.residual = lin->residual;
+        rows.jacobian.setZero(lin->residual.size(), kVariables);
+        rows.jacobian.middleCols<2>(2 * tag) = lin->jacobian;
+        rows.noise = lin->noise;
+        return rows;
+      },
+      [&] { return !z.tag    ? Reason::kUnnamed
+                   : tag < 0 ? Reason::kUnknownTag
+                             : Reason::kNoSigma; });
 }
 
 Outcome TagTriangleEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
@@ -375,19 +382,22 @@ Outcome TagTriangleEkf::weigh(const Range& z) {
 Outcome TagTriangleEkf::correct_by(const Range& z, const Gate& gate) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   const int tag = recipe_->find(z.tag);
-  return correct(z.stamp, gate, [&]() -> std::optional<Rows<1>> {
-    const auto lin = tag < 0 ? std::nullopt : recipe_->range.linearize_point(position(tag), z);
-    return lin ? std::optional(placed(*lin, 2 * tag)) : std::nullopt;
-  });
+  return correct(
+      z.stamp, gate,
+      [&]() -> std::optional<Rows<1>> {
+        const auto lin = tag < 0 ? std::nullopt : recipe_->range.linearize_point(position(tag), z);
+        return lin ? std::optional(placed(*lin, 2 * tag)) : std::nullopt;
+      },
+      [&] { return internal::why_not(recipe_->range, z); });
 }
 
 Outcome TagTriangleEkf::on(const Velocity& u) {
   validate(u);
   if (!is_plausible(u, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   return take(u.stamp, u.stamp, {u.forward, u.left, u.turn_rate});
 }
@@ -395,22 +405,23 @@ Outcome TagTriangleEkf::on(const Velocity& u) {
 Outcome TagTriangleEkf::on(const Increment& u) {
   validate(u);
   if (!is_plausible(u, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (u.begin == u.stamp) {
-    return {u.stamp < belief_.stamp ? Verdict::kStale : Verdict::kNotModelled};
+    return u.stamp < belief_.stamp ? Outcome{Verdict::kStale, Reason::kBeforeEstimate}
+                                   : Outcome{Verdict::kNotModelled, Reason::kNoDuration};
   }
   const Vector<3> twist = arc_twist(u.motion) / seconds_between(u.begin, u.stamp);
   const Velocity rate{u.stamp, twist.head<2>().norm(), twist.z()};
   if (!is_plausible(rate, recipe_->config.limits)) {  // stamps that jitter give no velocity
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   return take(u.begin, u.stamp, twist);
 }
 
 Outcome TagTriangleEkf::on(const Altitude& z) {
   validate(z);
-  return {Verdict::kNotModelled};
+  return {Verdict::kNotModelled, Reason::kNotUsed};
 }
 
 Outcome TagTriangleEkf::on(const Message& message) {
@@ -420,13 +431,13 @@ Outcome TagTriangleEkf::on(const Message& message) {
 /// Fuses a twist (forward, left, turn rate) that holds from `begin` to `end`, then the sides.
 Outcome TagTriangleEkf::take(Stamp begin, Stamp end, const Vector<3>& twist) {
   if (end < belief_.stamp) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   Transaction transaction(*this);
   advance_to(begin);
   const RigidFit body = fit();
   if (!std::isfinite(body.pose.heading)) {
-    return {Verdict::kNotModelled};
+    return {Verdict::kNotModelled, Reason::kNoDirection};
   }
   const Vector<kHalf> velocities = belief_.x.tail<kHalf>();
   const double heading = body.pose.heading;
@@ -468,7 +479,7 @@ Outcome TagTriangleEkf::hold_sides() {
   for (int i = 0; i < kTags; ++i) {
     const auto lin = recipe_->side.linearize(position(i), position(after(i)), recipe_->lengths(i));
     if (!lin) {
-      return sides_ = {Verdict::kNotModelled};
+      return sides_ = {Verdict::kNotModelled, Reason::kNoDirection};
     }
     rows.residual(i) = lin->residual(0);
     rows.jacobian.block<1, 2>(i, 2 * i) = lin->jacobian.head<2>();

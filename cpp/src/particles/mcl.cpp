@@ -10,6 +10,7 @@
 #include <utility>
 #include <variant>
 
+#include "estimators/recipe.hpp"
 #include "locfuse/error.hpp"
 #include "particles/mcl_tuning.hpp"
 #include "recovery/health_tuning.hpp"
@@ -65,7 +66,11 @@ Outcome compare(const Model& model, const PoseEstimate& here, const Message& z) 
   using Noise = decltype(Lin::noise);
   const Noise S = lin->jacobian * here.covariance * lin->jacobian.transpose() + lin->noise;
   const auto rows = static_cast<int>(lin->residual.size());
-  Outcome outcome{Verdict::kFused, rows, squared_mahalanobis(lin->residual, S), lin->residual(0),
+  Outcome outcome{Verdict::kFused,
+                  Reason::kNone,
+                  rows,
+                  squared_mahalanobis(lin->residual, S),
+                  lin->residual(0),
                   std::pow(S.determinant(), 1.0 / rows)};
   if (!(outcome.nis >= 0.0 && outcome.scale > 0.0 && std::isfinite(outcome.scale))) {
     throw NumericalError("the innovation covariance is not positive definite");
@@ -242,10 +247,10 @@ std::optional<LaserScan> Mcl::propagate_particles(const LaserScan& scan) {
 Outcome Mcl::on(const Velocity& u) {
   validate(u);
   if (!is_plausible(u, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (!advance_unless_stale(u.stamp)) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   odometry_.take(u);
   return {Verdict::kFused};
@@ -254,10 +259,10 @@ Outcome Mcl::on(const Velocity& u) {
 Outcome Mcl::on(const Increment& u) {
   validate(u);
   if (!is_plausible(u, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (u.stamp < filter_.stamp()) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   advance_to(u.begin);
   if (u.begin == u.stamp) {  // a displacement without duration
@@ -270,7 +275,7 @@ Outcome Mcl::on(const Increment& u) {
 Outcome Mcl::on(const LaserScan& z) {
   validate(z);
   if (!advance_unless_stale(z.stamp)) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   const std::optional<LaserScan> turned = as_of_stamp(z, odometry_.rate().heading);
   return take(turned ? *turned : z);
@@ -281,9 +286,9 @@ Outcome Mcl::take(const LaserScan& z) {
   const std::optional<LaserScan> uncovered = internal::MclHealth::without_cover(z, before);
   const LaserScan& scan = uncovered ? *uncovered : z;
   const EndPoints points = recipe_->fields.front().end_points(scan, recipe_->config.beams);
-  if (const Verdict verdict = verdict_on(points, before); verdict != Verdict::kFused) {
+  if (const Outcome refused = verdict_on(points, before); refused.verdict != Verdict::kFused) {
     health_.report_scan(before);
-    return {verdict};
+    return refused;
   }
   const std::optional<LaserScan> rest = propagate_particles(scan);
   const internal::UsedScan used = weigh_and_resample(scan, points, rest);
@@ -306,12 +311,16 @@ ScanEvidence Mcl::evidence_of_prediction(const LaserScan& z) const {
 }
 
 /// Whether a scan weighs particles; if not, it still counts for health.
-Verdict Mcl::verdict_on(const EndPoints& points, const ScanEvidence& evidence) const {
+Outcome Mcl::verdict_on(const EndPoints& points, const ScanEvidence& evidence) const {
   if (evidence.covered >= HealthTuning::kBlindingCover) {
-    return Verdict::kGated;
+    return {Verdict::kGated, Reason::kCovered};
+  }
+  if (points.x.empty()) {
+    return {Verdict::kNotModelled, Reason::kNoReturns};
   }
   const bool may_repeat = tracking_.is_tracking && tracking_.stationary_scans > 0;
-  return points.x.empty() || !(has_moved() || may_repeat) ? Verdict::kNotModelled : Verdict::kFused;
+  return has_moved() || may_repeat ? Outcome{Verdict::kFused}
+                                   : Outcome{Verdict::kNotModelled, Reason::kNoNews};
 }
 
 /// Weighs particles by a scan, or by what is left of it to do so; eq. (1) of docs/models/mcl.md.
@@ -383,20 +392,20 @@ void Mcl::resample(double max_share) {
   filter_.resample({max_share, tracking_.is_searching, ready()}, keys_);
 }
 
-template <class Model, class Message>
-Outcome Mcl::weigh_by(const Model& model, const Message& z) {
+template <class Model, class Message, class Why>
+Outcome Mcl::weigh_by(const Model& model, const Message& z, const Why& why) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   if (z.stamp < filter_.stamp()) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   // One pose may have no direction to an anchor; two have none only if the anchor is unknown.
   const Pose2 here = filter_.best().estimate.pose;
   const Pose2 beside{here.x + 1.0, here.y, here.heading};
   if (!model.linearize(here, z) && !model.linearize(beside, z)) {
-    return {Verdict::kNotModelled};
+    return {Verdict::kNotModelled, why()};
   }
   advance_to(z.stamp);
   propagate_particles();
@@ -420,26 +429,32 @@ Outcome Mcl::weigh_by(const Model& model, const Message& z) {
 Outcome Mcl::on(const RangeBearing& z) {
   if (!recipe_->landmarks) {
     validate(z);
-    return {Verdict::kNotModelled};
+    return {Verdict::kNotModelled, Reason::kUnknownLandmark};
   }
-  return weigh_by(BestLandmark{recipe_->landmark, *recipe_->landmarks}, z);
+  return weigh_by(BestLandmark{recipe_->landmark, *recipe_->landmarks}, z,
+                  [&] { return internal::why_not(*recipe_->landmarks, z); });
 }
 
 Outcome Mcl::on(const Range& z) {
   if (!recipe_->range) {
     validate(z);
-    return {Verdict::kNotModelled};
+    return {Verdict::kNotModelled, Reason::kUnknownAnchor};
   }
-  return weigh_by(*recipe_->range, z);
+  return weigh_by(*recipe_->range, z, [&] { return internal::why_not(*recipe_->range, z); });
 }
 
-Outcome Mcl::on(const PositionFix& z) { return weigh_by(recipe_->position, z); }
+Outcome Mcl::on(const PositionFix& z) {
+  return weigh_by(recipe_->position, z,
+                  [&] { return z.tag ? Reason::kUnknownTag : Reason::kNoSigma; });
+}
 
-Outcome Mcl::on(const PoseObservation& z) { return weigh_by(recipe_->pose, z); }
+Outcome Mcl::on(const PoseObservation& z) {
+  return weigh_by(recipe_->pose, z, [] { return Reason::kNoSigma; });
+}
 
 Outcome Mcl::on(const Altitude& z) {
   validate(z);
-  return {Verdict::kNotModelled};
+  return {Verdict::kNotModelled, Reason::kNotUsed};
 }
 
 Outcome Mcl::on(const Message& message) {

@@ -73,7 +73,7 @@ Outcome SwitchingMcl::on(const RangeBearing& z) { return mcl_.on(z); }
 
 Outcome SwitchingMcl::on(const Altitude& z) {
   validate(z);
-  return {Verdict::kNotModelled};
+  return {Verdict::kNotModelled, Reason::kNotUsed};
 }
 
 Outcome SwitchingMcl::on(const LaserScan& z) {

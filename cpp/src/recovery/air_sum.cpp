@@ -80,7 +80,7 @@ Outcome AirSum::on(const Range& z) {
                                     [&](const Component& c) { return is_vague(c.ekf, z); })) {
     begun_ = z.stamp;
     epoch_.emplace_back(z);
-    return {Verdict::kIgnored};
+    return {Verdict::kIgnored, Reason::kWaits};
   }
   return epoch_.empty() ? weigh(z, news_of(z)) : keep(z);
 }
@@ -102,7 +102,7 @@ Outcome AirSum::take(const M& message) {
 template <class M>
 Outcome AirSum::keep(const M& message) {
   if (effective_stamp(message) < effective_stamp(epoch_.back())) {
-    return {Verdict::kStale};
+    return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   AirEkf first = components_.front().ekf;
   Outcome outcome = first.on(message);
@@ -110,7 +110,7 @@ Outcome AirSum::keep(const M& message) {
   if (is_measured || outcome.verdict == Verdict::kFused) {
     epoch_.emplace_back(message);
   }
-  return is_measured ? Outcome{Verdict::kIgnored} : outcome;
+  return is_measured ? Outcome{Verdict::kIgnored, Reason::kWaits} : outcome;
 }
 
 template <class M>

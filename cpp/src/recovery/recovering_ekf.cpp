@@ -200,12 +200,12 @@ Outcome RecoveringEkf::on(const LaserScan& z) {
   if (search([&](Initializer& start) { start.on(z); })) {
     decide();
   }
-  return {Verdict::kIgnored};
+  return {Verdict::kIgnored, Reason::kNotUsed};
 }
 
 template <class M>
 Outcome RecoveringEkf::drive(const M& u) {
-  Outcome outcome{Verdict::kIgnored};
+  Outcome outcome{Verdict::kIgnored, Reason::kNotStarted};
   if (tracker_) {
     outcome = track(u);
     if (conditioner_ && outcome.verdict != Verdict::kImplausible &&
@@ -222,12 +222,15 @@ Outcome RecoveringEkf::drive(const M& u) {
 
 Outcome RecoveringEkf::fuse_conditioned(const PositionFix& z) {
   if (!is_plausible(z, recipe_->config.start.estimator.limits)) {
-    return {Verdict::kImplausible};
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   const ConditionedFix result = conditioner_->on(z);
   if (!result.fix && result.verdict != TagVerdict::kUnknownTag) {
-    Outcome rejected{result.verdict == TagVerdict::kStale ? Verdict::kStale
-                                                          : Verdict::kImplausible};
+    Outcome rejected =
+        result.verdict == TagVerdict::kStale
+            ? Outcome{Verdict::kStale, Reason::kTooLate}
+            : Outcome{Verdict::kImplausible,
+                      result.verdict == TagVerdict::kFrozen ? Reason::kFrozen : Reason::kJumped};
     rejected.residual = result.distance;
     rejected.limit = result.limit;
     return rejected;
@@ -244,13 +247,17 @@ Outcome RecoveringEkf::fuse(const M& z) {
   }
   if constexpr (std::is_same_v<M, Range>) {
     if (health_.is_excluded(named_source_of(z))) {
-      return of(*tracker_, [&](auto& ekf) {
+      Outcome weighed = of(*tracker_, [&](auto& ekf) {
         if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, LandmarkEkf>) {
           return ekf.on(z);  // which has no ranges
         } else {
           return ekf.weigh(z);
         }
       });
+      if (weighed.nis <= weighed.limit) {
+        weighed.reason = Reason::kSourceExcluded;
+      }
+      return weighed;
     }
   }
   return track(z);
@@ -314,7 +321,7 @@ void RecoveringEkf::give(Initializer& start, const M& z) const {
 
 template <class M>
 Outcome RecoveringEkf::correct(const M& z) {
-  Outcome outcome{Verdict::kIgnored};
+  Outcome outcome{Verdict::kIgnored, Reason::kNotStarted};
   if (tracker_) {
     outcome = fuse(z);
     newest_ = std::max(newest_, z.stamp);
@@ -332,12 +339,12 @@ std::vector<Outcome> RecoveringEkf::on_joint(const std::vector<RangeBearing>& si
   internal::validate_together("sightings of one instant", sightings, [this](const RangeBearing& z) {
     is_in_space() ? validate_in_space(z) : validate(z);
   });
-  std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kIgnored});
+  std::vector<Outcome> outcomes(sightings.size(), Outcome{Verdict::kIgnored, Reason::kNotStarted});
   if (tracker_) {
     outcomes = of(*tracker_, [&](auto& ekf) {
       using Ekf = std::decay_t<decltype(ekf)>;
       if constexpr (std::is_same_v<Ekf, TagTriangleEkf>) {
-        return outcomes;  // it has no landmarks
+        return std::vector<Outcome>(sightings.size(), Outcome{Verdict::kIgnored, Reason::kNotUsed});
       } else if constexpr (std::is_same_v<Ekf, AirEkf>) {
         std::transform(sightings.begin(), sightings.end(), outcomes.begin(),
                        [&](const RangeBearing& z) { return track(z); });

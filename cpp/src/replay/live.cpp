@@ -20,17 +20,17 @@ Live::Live(RecoveringEkf estimator, const Options& options)
 Outcome Live::on(const Message& message) {
   internal::validate_for(initial_, message);
   if (disabled_[static_cast<std::size_t>(source_of(message))]) {
-    return {Verdict::kIgnored};
+    return {Verdict::kIgnored, Reason::kSwitchedOff};
   }
   const bool is_scan = std::holds_alternative<LaserScan>(message);
   if (timeline_) {
-    return is_scan ? Outcome{Verdict::kIgnored} : track(message);
+    return is_scan ? Outcome{Verdict::kIgnored, Reason::kNotUsed} : track(message);
   }
   if (!is_scan && search_.is_late(message)) {
     const bool is_merely_late = options_.timeline.clock_jump == ClockJump::kRefuse ||
                                 ++consecutive_late_ < options_.timeline.jump_after;
     if (is_merely_late) {
-      return {Verdict::kStale};
+      return {Verdict::kStale, Reason::kTooLate};
     }
     ++jumps_;
     relocalize();
@@ -38,7 +38,7 @@ Outcome Live::on(const Message& message) {
   consecutive_late_ = is_scan ? consecutive_late_ : 0;
   search_.on(message);
   check_search();
-  return {Verdict::kIgnored};
+  return {Verdict::kIgnored, Reason::kNotStarted};
 }
 
 /// Once the search is ready, the messages that wait are delivered in order of arrival. They may
@@ -63,7 +63,7 @@ void Live::check_search() {
 }
 
 Outcome Live::track(const Message& message) {
-  Outcome outcome{Verdict::kStale};
+  Outcome outcome{Verdict::kStale, Reason::kTooLate};
   const std::size_t index_of_message = delivered_++;
   try {
     timeline_->on(message, [&](std::size_t index, const Outcome& fused) {

@@ -2,14 +2,12 @@
 #include "locfuse/replay/live_mcl.hpp"
 
 #include <algorithm>
-#include <tuple>
 #include <utility>
 
 namespace locfuse {
 
 bool LiveMcl::Entry::operator<(const Entry& other) const {
-  return std::make_tuple(stamp, rank_of(message), index) <
-         std::make_tuple(other.stamp, rank_of(other.message), other.index);
+  return precedes(message, other.message);
 }
 
 LiveMcl::LiveMcl(Mcl mcl, const Options& options)

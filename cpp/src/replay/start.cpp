@@ -6,7 +6,6 @@
 #include <numeric>
 #include <stdexcept>
 #include <string>
-#include <tuple>
 #include <utility>
 
 #include "locfuse/error.hpp"
@@ -14,8 +13,7 @@
 namespace locfuse {
 
 bool StartSearch::Entry::operator<(const Entry& other) const {
-  return std::make_tuple(stamp, rank_of(message), arrival) <
-         std::make_tuple(other.stamp, rank_of(other.message), other.arrival);
+  return precedes(message, other.message);
 }
 
 StartSearch::StartSearch(Initializer initializer, Stamp patience)

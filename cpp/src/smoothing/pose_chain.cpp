@@ -126,11 +126,11 @@ class Builder {
   Outcome on(const RangeBearing& z, std::size_t message) {
     validate(z);
     if (!z.landmark) {
-      return {Verdict::kIgnored};
+      return {Verdict::kIgnored, Reason::kUnnamed};
     }
     const Landmark* landmark = models_->landmarks->find(*z.landmark);
     if (landmark == nullptr) {
-      return {Verdict::kNotModelled};
+      return {Verdict::kNotModelled, Reason::kUnknownLandmark};
     }
     return measure(z, message, Source::kSightings, *z.landmark, models_->landmark_gate,
                    NoiseKind::kGaussian, -1,
@@ -140,11 +140,11 @@ class Builder {
   }
   Outcome on(const Altitude& z, std::size_t /*message*/) {
     validate(z);
-    return {Verdict::kIgnored};
+    return {Verdict::kIgnored, Reason::kNotUsed};
   }
   Outcome on(const LaserScan& z, std::size_t /*message*/) {
     validate(z);
-    return {Verdict::kIgnored};
+    return {Verdict::kIgnored, Reason::kNotUsed};
   }
 
   /// The last pose is where odometry ends.
@@ -179,10 +179,10 @@ class Builder {
   Outcome drive(const Motion& u, Stamp begin) {
     validate(u);
     if (!is_plausible(u, models_->estimator.limits)) {
-      return {Verdict::kImplausible};
+      return {Verdict::kImplausible, Reason::kBeyondLimits};
     }
     if (u.stamp < at_) {
-      return {Verdict::kStale};
+      return {Verdict::kStale, Reason::kBeforeEstimate};
     }
     // As long as odometry is held; of what comes after nothing is known.
     const Stamp known = std::min(begin, odometry_.end() + models_->hold);
@@ -204,10 +204,10 @@ class Builder {
                   NoiseKind kind, int offset, Linearize linearize) {
     validate(z);
     if (!is_plausible(z, models_->estimator.limits)) {
-      return {Verdict::kImplausible};
+      return {Verdict::kImplausible, Reason::kBeyondLimits};
     }
     if (z.stamp < chain_.stamps.front()) {
-      return {Verdict::kStale};
+      return {Verdict::kStale, Reason::kBeforeEstimate};
     }
     keyframe_at(z.stamp);
     const auto lin = linearize(chain_.guess.back());
@@ -217,7 +217,7 @@ class Builder {
     (void)guess_.on(z);
     chain_.guess.back() = guess_.pose();
     const auto rows = static_cast<int>(lin->residual.size());
-    Outcome outcome{Verdict::kFused, rows};
+    Outcome outcome{Verdict::kFused, Reason::kNone, rows};
     outcome.limit = gate.limit(rows);
     chain_.measurements.push_back({message, chain_.stamps.size() - 1, source, id, outcome.limit,
                                    dof_of(kind, models_->estimator), offset,
@@ -287,9 +287,7 @@ PoseChain make_pose_chain(const SmootherConfig& config, const World& world,
   std::vector<std::size_t> order(messages.size());
   std::iota(order.begin(), order.end(), 0U);
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    const Stamp first = effective_stamp(messages[a]);
-    const Stamp second = effective_stamp(messages[b]);
-    return first != second ? first < second : rank_of(messages[a]) < rank_of(messages[b]);
+    return precedes(messages[a], messages[b]);
   });
   Builder builder(config, world, start);
   std::vector<Outcome> outcomes(messages.size());

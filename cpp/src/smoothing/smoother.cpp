@@ -332,6 +332,7 @@ class Batch {
       outcome.nis = squared(k);
       outcome.residual = lin ? lin->residual(0) - offset_of(z) : outcome.residual;
       outcome.verdict = inside_[k] > 0.0 ? Verdict::kFused : Verdict::kGated;
+      outcome.reason = inside_[k] > 0.0 ? Reason::kNone : Reason::kUnlikely;
     }
   }
 

@@ -315,6 +315,14 @@ class TagTriangle(Strict):
     gate_velocity: GateProbability = 0.999
     """Probability that good odometry passes its gate; 1: no gate."""
 
+    @model_validator(mode="after")
+    def _rigid_has_no_more(self) -> TagTriangle:
+        plain = TagTriangle.model_construct()
+        more = [key for key, value in self if key != "shape" and value != getattr(plain, key)]
+        if more and self.shape == "rigid":
+            raise ValueError(f"shape rigid does not use {', '.join(more)}; leave it out")
+        return self
+
 
 class ConstantVelocity(Strict):
     """Motion that nobody measures; ``ConstantVelocityConfig`` in C++."""
@@ -355,6 +363,17 @@ class Air(Strict):
     """Altimeter position in body and sigma of altitudes."""
     gate_altitude: GateProbability = 0.999
     """Probability that a good altitude passes its gate; 1: no gate."""
+
+    @model_validator(mode="after")
+    def _has_a_room(self) -> Air:
+        low, start, high = self.min_height_m, self.start_height_m, self.max_height_m
+        if not low < high:
+            raise ValueError(f"min_height_m is {low:g} and max_height_m is {high:g}; "
+                             "expected min_height_m < max_height_m")  # fmt: skip
+        if start != 0.0 and not low <= start <= high:
+            raise ValueError(f"start_height_m is {start:g}; expected min_height_m to "
+                             f"max_height_m, {low:g} to {high:g}")  # fmt: skip
+        return self
 
 
 class ScanOdometry(Strict):

@@ -26,7 +26,6 @@ from locfuse.run.start import grid_of, hypotheses_of, scans_of, start_of
 from locfuse.types import (
     NANOSECONDS,
     Columns,
-    FloatArray,
     Frame,
     Health,
     Hypothesis,
@@ -41,6 +40,12 @@ _MAX_PARTICLES = 2000  # of a frame
 LIKELY = 0.01  # probability from which a pose is reported as a hypothesis
 
 
+def columns_of(record: _core.RunLog | _core.LocalizeRun) -> Columns:
+    """Return what became of each message, and why, as the core says it."""
+    names = ("verdict", "reason", "nis", "dof", "residual", "limit", "log_likelihood")
+    return {name: getattr(record, name) for name in names}
+
+
 @dataclass(frozen=True)
 class Localization:
     """How an `Mcl` went along a log.
@@ -51,10 +56,8 @@ class Localization:
         What it was given beside scans.
     begin_ns, end_ns : int
         When it started, and the last stamp of a message or scan.
-    verdict, scan_verdict : uint8 arrays, shapes (m,) and (s,)
-        Indices into `Verdict`, in the order of the messages and of the log's scans.
-    residual, limit : float arrays, shape (m,)
-        Of each message, and what it was held to.
+    outcomes, scan_outcomes : dicts of arrays, shapes (m,) and (s,)
+        Columns of `columns_of`, in the order of the messages and of the log's scans.
     estimate : Trajectory
         After each scan, n rows; with heading and covariance.
     ready : bool array, shape (n,)
@@ -76,10 +79,8 @@ class Localization:
     messages: Messages
     begin_ns: int
     end_ns: int
-    verdict: NDArray[np.uint8]
-    residual: FloatArray
-    limit: FloatArray
-    scan_verdict: NDArray[np.uint8]
+    outcomes: Columns
+    scan_outcomes: Columns
     estimate: Trajectory
     ready: NDArray[np.bool_]
     particles: NDArray[np.int64]
@@ -204,10 +205,8 @@ def localize(
             messages=messages,
             begin_ns=begin,
             end_ns=max(messages.end_ns, int(log["scans"]["stamp_ns"].max())),
-            verdict=run.verdict,
-            residual=run.residual,
-            limit=run.limit,
-            scan_verdict=run.scan_verdict,
+            outcomes=columns_of(run),
+            scan_outcomes={"verdict": run.scan_verdict, "reason": run.scan_reason},
             estimate=Trajectory(run.stamp_ns, poses[:, :2].copy(), poses[:, 2].copy(),
                                 run.covariances),
             ready=run.ready,
@@ -247,7 +246,8 @@ def _part(
 ) -> tuple[Log, Localization]:
     """Return a log and its localization up to what is done, in the order in which it was used."""
     stamp = log["scans"]["stamp_ns"]
-    received, seen = np.zeros(len(localization.verdict), np.bool_), np.zeros(len(stamp), np.bool_)
+    received = np.zeros(len(localization.outcomes["verdict"]), np.bool_)
+    seen = np.zeros(len(stamp), np.bool_)
     order = np.argsort(localization.messages.effective_ns, kind="stable")
     received[order[:messages_done]] = True
     seen[np.argsort(stamp, kind="stable")[:scans_done]] = True
@@ -257,10 +257,8 @@ def _part(
         localization,
         messages=messages,
         end_ns=until,
-        verdict=localization.verdict[received],
-        residual=localization.residual[received],
-        limit=localization.limit[received],
-        scan_verdict=localization.scan_verdict[seen],
+        outcomes={name: column[received] for name, column in localization.outcomes.items()},
+        scan_outcomes={name: column[seen] for name, column in localization.scan_outcomes.items()},
     )
 
 

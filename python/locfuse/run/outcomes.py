@@ -4,114 +4,124 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.config.schema import RunConfig, ignored_by
-from locfuse.run.mcl import Localization
+from locfuse.run.mcl import Localization, columns_of
 from locfuse.run.messages import Messages
-from locfuse.types import Log, Outcomes, StampArray
+from locfuse.types import Columns, Log, Outcomes, StampArray
 
-# What a message of a source can exceed.
-IMPLAUSIBLE = {
-    "odometry": "faster than limits.speed_mps or limits.turn_rate_radps",
-    "ranges": "longer than limits.range_m",
-    "landmark_sightings": "longer than limits.range_m",
-    **dict.fromkeys(("positions", "poses", "altitudes"),
-                    "farther from the origin than limits.distance_m"),
-}  # fmt: skip
 VERDICTS = np.array([verdict.name.lower() for verdict in _core.Verdict])
+REASONS = np.array([reason.name.lower() for reason in _core.Reason])
+# Sentences for reasons of the core; those of one source alone stand behind a slash.
+SENTENCES = {
+    "unlikely": "nis {nis:.4g} > {limit:.4g}",
+    "unlikely/landmark_sightings": "fits no landmark",
+    "source_excluded": "left out: anchor {anchor} is likely wrong as a whole",
+    "ambiguous": "ambiguous: too near a landmark for a new one",
+    "beyond_limits": "farther from the origin than limits.distance_m",
+    "beyond_limits/odometry": "faster than limits.speed_mps or limits.turn_rate_radps",
+    "beyond_limits/ranges": "longer than limits.range_m",
+    "beyond_limits/landmark_sightings": "longer than limits.range_m",
+    "frozen": "frozen: the same again, while the robot moved",
+    "frozen/positions": "tag_conditioner: frozen, while the tag moved more than {limit:.3g} m",
+    "jumped": "tag_conditioner: jumped {residual:.3g} m from the last fix, "
+              "more than {limit:.3g} m",
+    "before_estimate": "before the start",
+    "too_late": "older than the history of {history}",
+    "too_far_ahead": "stamped long after all before it; waits for another that agrees",
+    "switched_off": "source disabled",
+    "not_started": "the start is still searched for",
+    "waits": "kept until ranges tell several places in space apart",
+    "not_used": "the estimator does not fuse {source}",
+    "not_used/altitudes": "the estimator has no height",
+    "unknown_anchor": "unknown anchor {anchor}",
+    "unknown_tag": "unknown tag {tag}",
+    "unknown_landmark": "unknown landmark {anchor}",
+    "unnamed": "names no landmark",
+    "unnamed/positions": "names no tag, and tag_triangle fuses positions of tags",
+    "no_direction": "tag on the anchor: no direction",
+    "no_direction/landmark_sightings": "landmark {anchor} at the sensor: no direction",
+    "no_sigma": "has no usable sigma; set estimator.{kind}.sigma_m",
+    "no_duration": "a motion without duration has no velocity",
+    "incomplete": "not mapped: range or bearing is missing",
+    "map_full": "not mapped: there are max_landmarks",
+    "no_news": "no news: hardly moved",
+    "no_returns": "no returns",
+    "covered": "something covers the laser",
+    "numerical": "leaves no finite result",
+}  # fmt: skip
 
 
-def outcomes_of(
-    messages: Messages,
-    record: _core.RunLog,
-    log: Log,
-    config: RunConfig,
-    start_ns: int,
-    used_until: int | None = None,
-) -> Outcomes:
-    """Return the verdicts of an EKF that started at `start_ns`.
-
-    What takes effect up to `used_until` [ns] was used to find the start.
-    """
-    verdict = VERDICTS[record.verdict]
-    nis, dof = record.nis, record.dof
-    of_tags = config.estimator.filter == "tag_triangle"
-    reason = _reasons(messages, verdict, log, is_of_tags=of_tags)
-    for row in np.flatnonzero(verdict == "gated"):
-        limit = record.limit[row]
-        if nis[row] > limit:
-            reason[row] = f"nis {nis[row]:.4g} > {limit:.4g}"
-        elif messages.source[row] == "ranges":
-            reason[row] = f"left out: anchor {messages.anchor[row]} is likely wrong as a whole"
-        else:
-            reason[row] = "ambiguous: too near a landmark for a new one"
-    _explain_conditioning(reason, verdict, record)
-    late = _explain_stale(reason, verdict, messages.stamp_ns, start_ns, config)
-    if record.dropped_messages:
-        reason[late] += f" or {config.history_messages} messages"
-    used = (
-        np.zeros(len(reason), bool) if used_until is None else messages.effective_ns <= used_until
-    )
-    reason[(verdict == "ignored") & ~used] = "source disabled"
-    for source, why in ignored_by(config.estimator).items():
-        unused = np.isin(verdict, ("ignored", "not_modelled"))
-        reason[unused & (messages.source == source)] = why
+def outcomes_of(messages: Messages, record: _core.RunLog, log: Log, config: RunConfig) -> Outcomes:
+    """Return what became of the messages of an EKF."""
+    columns = columns_of(record)
+    reason = _sentences(messages, columns, log, config, record.dropped_messages)
     for row in np.flatnonzero(record.interventions):
         reason[row] = f"variances put back into their bounds: {record.interventions[row]}"
+    return _outcomes(messages, columns, reason)
+
+
+def outcomes_of_mcl(localization: Localization, log: Log, config: RunConfig) -> Outcomes:
+    """Return what became of messages and scans of an `Mcl`, in order of arrival."""
+    messages, columns = localization.messages, localization.outcomes
+    outcomes = _outcomes(messages, columns, _sentences(messages, columns, log, config))
+    return with_scans(outcomes, localization, log, config)
+
+
+def _outcomes(messages: Messages, columns: Columns, reason: NDArray[np.object_]) -> Outcomes:
     return Outcomes(
         stamp_ns=messages.stamp_ns,
         source=messages.source,
         tag=messages.tag,
         anchor=messages.anchor,
-        verdict=verdict,
-        nis=nis,
-        dof=dof,
-        log_likelihood=record.log_likelihood,
-        residual=record.residual,
+        verdict=VERDICTS[columns["verdict"]],
         reason=reason.astype(str),
+        **{name: columns[name] for name in ("nis", "dof", "log_likelihood", "residual")},
     )
 
 
-def outcomes_of_mcl(localization: Localization, log: Log, config: RunConfig) -> Outcomes:
-    """Return the verdicts of an `Mcl` on messages and scans, in order of arrival."""
-    messages = localization.messages
-    verdict = VERDICTS[localization.verdict]
-    reason = _reasons(messages, verdict, log)
-    _explain_conditioning(reason, verdict, localization)
-    _explain_stale(reason, verdict, messages.stamp_ns, localization.begin_ns, config)
-    outcomes = _bare(messages.stamp_ns, messages.source, messages.tag, messages.anchor, verdict,
-                     reason)  # fmt: skip
-    return with_scans(outcomes, localization, log, config)
+def _sentences(
+    messages: Messages, columns: Columns, log: Log, config: RunConfig, dropped: int = 0
+) -> NDArray[np.object_]:
+    """Return why messages were not fused."""
+    sentence = np.full(len(messages.source), "", dtype=object)
+    sentence[columns["verdict"] == _core.Verdict.IGNORED] = "used for the start"
+    unused = ignored_by(config.estimator) if config.mcl is None else {}
+    for row in np.flatnonzero(columns["reason"]):
+        source = str(messages.source[row])
+        reason = REASONS[columns["reason"][row]]
+        if reason in ("not_used", "unnamed") and source in unused:
+            sentence[row] = unused[source]
+            continue
+        sentence[row] = _sentence_of(
+            reason, config, dropped, source=source, anchor=messages.anchor[row],
+            tag=messages.tag[row], nis=columns["nis"][row], limit=columns["limit"][row],
+            residual=columns["residual"][row],
+        )  # fmt: skip
+    if "slipped" in log.tables.get("odometry", {}):
+        driven = np.flatnonzero(messages.source == "odometry")
+        slips = driven[log["odometry"]["slipped"][messages.row[driven]]]
+        sentence[slips] = "wheels slip, by the gyro: its turn counts, and the way less"
+    return sentence
 
 
-def _explain_stale(
-    reason: NDArray[np.object_],
-    verdict: NDArray[np.str_],
-    stamp_ns: StampArray,
-    begin_ns: int,
-    config: RunConfig,
-) -> NDArray[np.bool_]:
-    """Write why messages are stale; return which of them came too late."""
-    stale, early = verdict == "stale", stamp_ns < begin_ns
-    late: NDArray[np.bool_] = stale & ~early
-    reason[stale & early] = "before the start"
-    reason[late] = f"older than the history of {config.history_s:g} s"
-    return late
-
-
-def _explain_conditioning(
-    reason: NDArray[np.object_], verdict: NDArray[np.str_], record: _core.RunLog | Localization
-) -> None:
-    for row in np.flatnonzero((verdict == "implausible") & (record.limit > 0.0)):
-        off = record.residual[row]
-        what = (
-            f"jumped {off:.3g} m from the last fix," if off > 0.0 else "frozen, while the tag moved"
-        )
-        reason[row] = f"tag_conditioner: {what} more than {record.limit[row]:.3g} m"
+def _sentence_of(
+    reason: str, config: RunConfig, dropped: int, *, source: str, nis: float, **of_message: Any
+) -> str:
+    of_source = f"{reason}/{source}"
+    if reason == "unlikely" and not np.isnan(nis):
+        of_source = reason
+    history = f"{config.history_s:g} s"
+    history += f" or {config.history_messages} messages" if dropped else ""
+    sentence = SENTENCES.get(of_source, SENTENCES[reason])
+    return sentence.format(
+        source=source, kind=source[:-1], history=history, nis=nis, **of_message
+    ).replace("landmark  ", "landmark ").rstrip()  # fmt: skip
 
 
 def with_switches(outcomes: Outcomes, localization: Localization) -> Outcomes:
@@ -139,14 +149,15 @@ def with_scans(
     outcomes: Outcomes, localization: Localization, log: Log, config: RunConfig
 ) -> Outcomes:
     """Return outcomes with a row for each scan, which comes after all messages up to its stamp."""
-    stamp = log["scans"]["stamp_ns"]
-    verdict = VERDICTS[localization.scan_verdict]
-    reason = np.full(len(stamp), "", dtype=object)
-    reason[verdict == "not_modelled"] = "no news: hardly moved, or no returns"
-    _explain_stale(reason, verdict, stamp, localization.begin_ns, config)
+    stamp, columns = log["scans"]["stamp_ns"], localization.scan_outcomes
+    nothing = np.nan
+    reason = np.array(
+        [_sentence_of(REASONS[code], config, 0, source="scans", anchor="", tag="", nis=nothing,
+                      limit=nothing, residual=nothing) if code else ""
+         for code in columns["reason"]], dtype=object)  # fmt: skip
     empty = np.full(len(stamp), "")
-    return _with(outcomes, _bare(stamp, np.full(len(stamp), "scans"), empty, empty, verdict,
-                                 reason))  # fmt: skip
+    return _with(outcomes, _bare(stamp, np.full(len(stamp), "scans"), empty, empty,
+                                 VERDICTS[columns["verdict"]], reason))  # fmt: skip
 
 
 def _with(outcomes: Outcomes, others: Outcomes) -> Outcomes:
@@ -156,51 +167,6 @@ def _with(outcomes: Outcomes, others: Outcomes) -> Outcomes:
     columns = {field.name: [getattr(part, field.name) for part in (outcomes, others)]
                for field in fields(Outcomes)}  # fmt: skip
     return Outcomes(**{name: np.concatenate(parts)[order] for name, parts in columns.items()})
-
-
-def _reasons(
-    messages: Messages, verdict: NDArray[np.str_], log: Log, *, is_of_tags: bool = False
-) -> NDArray[np.object_]:
-    """Return the reasons that hardly depend on the estimator."""
-    reason = np.full(len(verdict), "", dtype=object)
-    placed = set(log["anchors"]["anchor"].tolist()) if "anchors" in log else set()
-    for row in np.flatnonzero(verdict == "not_modelled"):
-        if messages.source[row] == "landmark_sightings":
-            reason[row] = _why_nothing_is_seen(str(messages.anchor[row]), log)
-        elif messages.source[row] == "positions" and messages.tag[row] not in ("", *log.tags):
-            reason[row] = f"unknown tag {messages.tag[row]}"
-        elif messages.source[row] == "positions" and is_of_tags and messages.tag[row] == "":
-            reason[row] = "names no tag, and tag_triangle fuses positions of tags"
-        elif messages.source[row] == "altitudes":
-            reason[row] = "the estimator has no height"
-        elif messages.source[row] == "odometry":
-            reason[row] = "a motion without duration has no velocity"
-        elif messages.source[row] in ("positions", "poses"):
-            kind = str(messages.source[row])[:-1]
-            reason[row] = f"has no usable sigma; set estimator.{kind}.sigma_m"
-        elif messages.anchor[row] not in placed:
-            reason[row] = f"unknown anchor {messages.anchor[row]}"
-        elif messages.tag[row] not in log.tags:
-            reason[row] = f"unknown tag {messages.tag[row]}"
-        else:
-            reason[row] = "tag on the anchor: no direction"
-    for row in np.flatnonzero(verdict == "implausible"):
-        reason[row] = IMPLAUSIBLE[str(messages.source[row])]
-    if "slipped" in log.tables.get("odometry", {}):
-        driven = np.flatnonzero(messages.source == "odometry")
-        slips = driven[log["odometry"]["slipped"][messages.row[driven]]]
-        reason[slips] = "wheels slip, by the gyro: its turn counts, and the way less"
-    reason[verdict == "ignored"] = "used for the start"
-    return reason
-
-
-def _why_nothing_is_seen(landmark: str, log: Log) -> str:
-    """Return why a sighting of a landmark, or one without a name, fits no model."""
-    if "landmarks" not in log:
-        return "not mapped: range or bearing is missing, or there are max_landmarks"
-    if landmark and landmark not in log["landmarks"]["landmark"]:
-        return f"unknown landmark {landmark}"
-    return f"landmark {landmark}".strip() + " at the sensor: no direction"
 
 
 def _bare(

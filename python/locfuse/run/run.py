@@ -248,7 +248,7 @@ def _fused(
     if len(record.heights):
         estimate = replace(estimate, height=record.heights,
                            height_variance=record.covariances_in_space[:, 3, 3].copy())  # fmt: skip
-    outcomes = outcomes_of(messages, record, log, config, started.stamp_ns, started.used_until)
+    outcomes = outcomes_of(messages, record, log, config)
     if localization is not None:
         outcomes = with_scans(outcomes, localization, log, config)
         wall_s += localization.wall_s

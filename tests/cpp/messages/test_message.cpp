@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <limits>
+#include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include "locfuse/messages/message.hpp"
@@ -42,6 +45,37 @@ TEST(Message, an_elevation_is_valid_in_space_only) {
   sighting.elevation = 1.6;
   EXPECT_THROW(validate_in_space(Message(sighting)), std::invalid_argument);
   EXPECT_THROW(validate_in_space(Message(Range{7, 0, 0, -1.0, {}})), std::invalid_argument);
+}
+
+TEST(Message, one_order_whatever_that_of_arrival) {
+  PositionFix fix{7, {1.0, 2.0}, Matrix<2, 2>::Identity()};
+  PositionFix of_tag = fix;
+  of_tag.tag = 0;
+  const auto geometry = std::make_shared<const LaserGeometry>();
+  const auto nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<Message> ordered{Velocity{7, 0.5, 0.0},
+                                     Velocity{7, 1.0, 0.0},
+                                     Increment{7, 8, {1.0, 0.0, 0.0}},
+                                     Increment{7, 9, {0.0, 0.0, 0.0}},
+                                     Range{7, 1, -2, 9.0, {}},
+                                     Range{7, 0, 3, 5.0, {}},
+                                     Range{7, 1, 3, 4.0, {}},
+                                     Range{7, 1, 3, 4.5, {}},
+                                     fix,
+                                     of_tag,
+                                     PoseObservation{7, {1.0, 0.0, 0.0}, {}},
+                                     RangeBearing{7, {}, 2.0, 0.1, {}},
+                                     RangeBearing{7, 4, 1.0, {}, {}},
+                                     Altitude{7, 1.0, {}},
+                                     LaserScan{7, geometry, {1.0}},
+                                     LaserScan{7, geometry, {1.0, 2.0}},
+                                     LaserScan{7, geometry, {1.0, nan}},
+                                     Velocity{8, 0.0, 0.0}};
+  for (std::size_t i = 0; i < ordered.size(); ++i) {
+    for (std::size_t k = 0; k < ordered.size(); ++k) {
+      EXPECT_EQ(precedes(ordered[i], ordered[k]), i < k) << i << " and " << k;
+    }
+  }
 }
 
 TEST(Message, every_kind_has_its_source) {

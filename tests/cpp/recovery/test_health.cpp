@@ -24,7 +24,8 @@ constexpr double kSpan = 20.0;
 
 Outcome of_residual(double residual) {
   const double nis = residual * residual / kScale;
-  return {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, residual, kScale};
+  return {
+      nis > kLimit ? Verdict::kGated : Verdict::kFused, Reason::kNone, 1, nis, residual, kScale};
 }
 
 NamedSource anchor(Id name) { return {Source::kRanges, name}; }
@@ -276,10 +277,10 @@ TEST(Health, the_probability_of_being_wrong_is_calibrated) {
         const double r = uniform(rng, 0.0, 1.0) < share ? normal(rng, kSigma)
                                                         : uniform(rng, -0.5 * kSpan, 0.5 * kSpan);
         const double nis = r * r / (kSigma * kSigma);
-        health.record(
-            anchor(i), k * kStep,
-            {nis > kLimit ? Verdict::kGated : Verdict::kFused, 1, nis, r, kSigma * kSigma}, kLimit,
-            kSpan);
+        health.record(anchor(i), k * kStep,
+                      {nis > kLimit ? Verdict::kGated : Verdict::kFused, Reason::kNone, 1, nis, r,
+                       kSigma * kSigma},
+                      kLimit, kSpan);
       }
     }
     said += health.wrong();
@@ -360,7 +361,8 @@ TEST(Health, a_measurement_without_information_leaves_the_report_finite) {
   Health health(Health::Config{});
   health.start(0, 0.0);
   for (int k = 1; k < 50; ++k) {
-    health.record(anchor(0), k * kStep, {Verdict::kFused, 1, 9.0, 1e154, 1e307}, kLimit, kSpan);
+    health.record(anchor(0), k * kStep, {Verdict::kFused, Reason::kNone, 1, 9.0, 1e154, 1e307},
+                  kLimit, kSpan);
   }
   const HealthReport report = health.report({50 * kStep, {}, 1e-6 * Matrix<3, 3>::Identity()});
   EXPECT_TRUE(std::isfinite(report.inflation));
@@ -450,8 +452,8 @@ TEST(Health, refuses_a_share_that_leaves_no_likelihood) {
 TEST(Health, a_measurement_without_noise_leaves_valid_probabilities) {
   Health health(Health::Config{});
   health.start(0, 0.5);
-  health.record({Source::kPoses, NamedSource::kUnnamed}, 0, {Verdict::kFused, 3, 0.0, 0.0, 1e-300},
-                kLimit, kSpan);
+  health.record({Source::kPoses, NamedSource::kUnnamed}, 0,
+                {Verdict::kFused, Reason::kNone, 3, 0.0, 0.0, 1e-300}, kLimit, kSpan);
   EXPECT_GE(health.wrong(), 0.0);
   EXPECT_LE(health.wrong(), 1.0);
 }

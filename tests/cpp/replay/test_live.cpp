@@ -402,10 +402,10 @@ TEST(Live, a_clock_jump_that_ends_in_a_refused_message_counts) {
   }
   ASSERT_TRUE(live.is_tracking());
   live.on(PositionFix{150 * kSecond, {1.0, 1.0}, Matrix<2, 2>::Identity()});
-  Range far = testing::range_to(0, pose, 150 * kSecond, 2.5);  // makes adaptive noise larger
+  Range far = testing::range_to(0, pose, 150 * kSecond + 1, 2.5);  // makes adaptive noise larger
   far.sigma = 1.0;
   live.on(far);
-  Range vague = testing::range_to(1, pose, 150 * kSecond + 1);
+  Range vague = testing::range_to(1, pose, 150 * kSecond + 2);
   vague.sigma = 1.3e154;
   EXPECT_THROW(live.on(vague), NumericalError);
   EXPECT_EQ(live.jumps(), 1U);

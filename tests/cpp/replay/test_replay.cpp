@@ -65,8 +65,7 @@ TEST(Replay, outcomes_are_those_of_the_sorted_log) {
     order[i] = i;
   }
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return effective_stamp(late.arrivals()[a].message) <
-           effective_stamp(late.arrivals()[b].message);
+    return precedes(late.arrivals()[a].message, late.arrivals()[b].message);
   });
   PoseEkf sorted = ekf_for(run);
   for (const std::size_t index : order) {

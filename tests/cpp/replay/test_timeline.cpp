@@ -62,7 +62,7 @@ std::vector<std::size_t> order_of_effect(const std::vector<Message>& messages) {
     order[i] = i;
   }
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return effective_stamp(messages[a]) < effective_stamp(messages[b]);
+    return precedes(messages[a], messages[b]);
   });
   return order;
 }
@@ -95,6 +95,54 @@ TEST(Timeline, late_messages_leave_the_bits_and_outcomes_of_the_sorted_log) {
       }
     }
   }
+}
+
+TEST(Timeline, messages_of_one_stamp_give_the_same_bits_in_any_order) {
+  const testing::Simulation run = mixed_run(7);
+  testing::Rng rng(3);
+  Timeline<PoseEkf> expected(ekf_for(run), kSecond);
+  for (const std::size_t index : order_of_effect(run.messages)) {
+    expected.on(run.messages[index], kNoSink);
+  }
+  for (int trial = 0; trial < 5; ++trial) {
+    std::vector<Message> mixed = run.messages;
+    std::shuffle(mixed.begin(), mixed.end(), rng);
+    std::stable_sort(mixed.begin(), mixed.end(), [](const Message& a, const Message& b) {
+      return effective_stamp(a) < effective_stamp(b);
+    });
+    Timeline<PoseEkf> timeline(ekf_for(run), kSecond);
+    for (const Message& message : mixed) {
+      timeline.on(message, kNoSink);
+    }
+    EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.estimator().belief())) << trial;
+  }
+}
+
+TEST(Timeline, says_why_a_message_was_not_fused) {
+  const testing::Simulation run = testing::simulate(1, 2.0);
+  Timeline<PoseEkf> timeline(ekf_for(run), kSecond / 2);
+  const Stamp now = run.start.stamp + kSecond;
+  std::size_t sent = 0;
+  const auto reason_of = [&](const Message& message) {
+    Reason reason = Reason::kNone;
+    timeline.on(message, [&](std::size_t index, const Outcome& outcome) {
+      reason = index == sent ? outcome.reason : reason;  // others are fused again
+    });
+    ++sent;
+    return reason;
+  };
+  EXPECT_EQ(reason_of(Velocity{now, 0.0, 0.0}), Reason::kNone);
+  EXPECT_EQ(reason_of(Range{now, 0, 99, 1.0, {}}), Reason::kUnknownAnchor);
+  EXPECT_EQ(reason_of(Range{now, 99, 1, 1.0, {}}), Reason::kUnknownTag);
+  EXPECT_EQ(reason_of(Range{now, 0, 1, 90.0, {}}), Reason::kUnlikely);
+  EXPECT_EQ(reason_of(Range{now, 0, 1, 1e6, {}}), Reason::kBeyondLimits);
+  EXPECT_EQ(reason_of(RangeBearing{now, 5, 1.0, 0.0, {}}), Reason::kUnknownLandmark);
+  EXPECT_EQ(reason_of(PositionFix{now, {}, Matrix<2, 2>::Identity(), 99}), Reason::kUnknownTag);
+  EXPECT_EQ(reason_of(Altitude{now, 1.0, {}}), Reason::kNotUsed);
+  EXPECT_EQ(reason_of(Velocity{now - kSecond, 0.0, 0.0}), Reason::kTooLate);
+  EXPECT_EQ(reason_of(Velocity{now + 60 * kSecond, 0.0, 0.0}), Reason::kTooFarAhead);
+  timeline.enable(Source::kRanges, false);
+  EXPECT_EQ(reason_of(Range{now, 0, 1, 1.0, {}}), Reason::kSwitchedOff);
 }
 
 TEST(Timeline, one_very_late_message_is_fused_where_it_belongs) {

@@ -76,14 +76,8 @@ std::vector<Message> late(const std::vector<Message>& messages, std::uint64_t se
   return order;
 }
 
-/// The order of fusion: by effective stamp, at equal ones odometry first.
 std::vector<Message> in_order(std::vector<Message> messages) {
-  std::stable_sort(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
-    const auto key = [](const Message& m) {
-      return std::make_pair(effective_stamp(m), source_of(m) != Source::kOdometry);
-    };
-    return key(a) < key(b);
-  });
+  std::stable_sort(messages.begin(), messages.end(), precedes);
   return messages;
 }
 
@@ -172,7 +166,7 @@ TYPED_TEST(TimelineOf, a_clock_that_goes_far_ahead_loses_no_message) {
     messages[i] = earlier(messages[i], -100 * kSecond);
   }
   auto expected = TypeParam::make();
-  for (const Message& message : messages) {
+  for (const Message& message : in_order(messages)) {
     expected.on(message);
   }
   Timeline timeline(TypeParam::make(), kSecond);

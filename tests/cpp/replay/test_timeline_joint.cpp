@@ -66,7 +66,8 @@ Outcomes feed(Timeline<RecoveringEkf>& timeline, const std::vector<Message>& mes
 }
 
 /// What `on_joint` makes of the same, an instant at a time.
-LandmarkEkf directly(const std::vector<Message>& messages) {
+LandmarkEkf directly(std::vector<Message> messages) {
+  std::sort(messages.begin(), messages.end(), precedes);
   LandmarkEkf ekf({}, {}, kStart);
   for (std::size_t i = 0; i < messages.size();) {
     if (const auto* odometry = std::get_if<Velocity>(&messages[i])) {
@@ -118,14 +119,10 @@ TEST(TimelineJoint, late_sightings_and_late_odometry_leave_the_bits_of_the_sorte
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     testing::Rng rng(seed);
     std::vector<std::pair<Stamp, Message>> arrivals;
-    Stamp late = 0;
-    for (const Message& message : messages) {  // an instant's sightings stay in their order
-      if (std::holds_alternative<Velocity>(message)) {
-        late = testing::uniform(rng, 0.0, 1.0) < 0.3 ? kSecond / 2 : 0;
-        arrivals.emplace_back(effective_stamp(message) + (seed % 2 == 0 ? 1 : 0), message);
-      } else {
-        arrivals.emplace_back(effective_stamp(message) + late, message);
-      }
+    for (const Message& message : messages) {
+      const bool is_sighting = std::holds_alternative<RangeBearing>(message);
+      const bool is_late = is_sighting && testing::uniform(rng, 0.0, 1.0) < 0.3;
+      arrivals.emplace_back(effective_stamp(message) + (is_late ? kSecond / 2 : 0), message);
     }
     std::stable_sort(arrivals.begin(), arrivals.end(),
                      [](const auto& a, const auto& b) { return a.first < b.first; });

@@ -105,7 +105,7 @@ def test_every_message_and_every_scan_has_a_row() -> None:
         assert stamps[at] >= stamps[:at].max(initial=0)
     skipped = result.outcomes.verdict == "not_modelled"
     assert set(result.outcomes.reason[skipped & (source == "scans")]) <= {
-        "no news: hardly moved, or no returns"
+        "no news: hardly moved"
     }
 
 

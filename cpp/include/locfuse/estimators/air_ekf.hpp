@@ -167,9 +167,9 @@ class AirEkf {
   [[nodiscard]] Matrix<3, 3> spread() const;
   [[nodiscard]] double squared_speed(const Vector<3>& along) const;
   Outcome correct_by(const Range& z, const Gate& gate);
-  template <class Noise, class Linearize>
+  template <class Noise, class Linearize, class Why>
   Outcome correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
-                  const Linearize& linearize);
+                  const Linearize& linearize, const Why& why);
 
   std::shared_ptr<const Recipe> recipe_;
   GaussianBelief belief_;

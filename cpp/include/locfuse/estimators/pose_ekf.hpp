@@ -153,9 +153,9 @@ class PoseEkf {
     Stamp hold;
   };
 
-  template <class Noise, class Linearize>
+  template <class Noise, class Linearize, class Why>
   Outcome correct(std::optional<Source> source, Stamp stamp, const Gate& gate, const Noise& noise,
-                  Slots slots, const Linearize& linearize, bool turns = false);
+                  Slots slots, const Linearize& linearize, const Why& why, bool turns = false);
   template <class Lin, class Noise>
   Outcome fuse_with(GaussianBelief& belief, const Lin& lin, Slots slots, const Gate& gate,
                     const Noise& noise, bool turns) const;

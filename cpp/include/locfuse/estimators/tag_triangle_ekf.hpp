@@ -121,8 +121,8 @@ class TagTriangleEkf {
                  const Matrix<6, 6>& covariance);
   TagTriangleEkf(const std::shared_ptr<const Recipe>& recipe, const PoseEstimate& start);
   Outcome correct_by(const Range& z, const Gate& gate);
-  template <class Linearize>
-  Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize);
+  template <class Linearize, class Why>
+  Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize, const Why& why);
   Outcome take(Stamp begin, Stamp end, const Vector<3>& twist);
   [[nodiscard]] bool lacks_odometry() const;
   [[nodiscard]] Matrix<1, 6> heading_by_tags(const Pose2& pose) const;

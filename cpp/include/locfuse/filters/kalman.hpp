@@ -120,6 +120,7 @@ Outcome compare(const Lin& lin, const Cross& PHt, const S& innovation, const Gat
   }
   outcome.limit = gate.limit(outcome.dof);
   outcome.verdict = outcome.nis > outcome.limit ? Verdict::kGated : Verdict::kFused;
+  outcome.reason = outcome.nis > outcome.limit ? Reason::kUnlikely : Reason::kNone;
   return outcome;
 }
 

@@ -65,11 +65,9 @@ inline void validate_in_space(const Message& message) {
       message);
 }
 
-/// Place among the messages of one stamp: odometry comes first, and scans last.
-[[nodiscard]] inline int rank_of(const Message& message) {
-  const Source source = source_of(message);
-  return source == Source::kOdometry ? 0 : source == Source::kScans ? 2 : 1;
-}
+/// The order of fusion, whatever that of arrival: by effective stamp, at equal ones odometry first
+/// and scans last, between them by kind in the order of Message, by ids, and by what they say.
+[[nodiscard]] bool precedes(const Message& a, const Message& b);
 
 /// Message of a source whose stamps are late by `delay` [ns], with corrected stamps.
 template <class M>

@@ -125,7 +125,7 @@ class Mcl {
   [[nodiscard]] bool has_moved() const;
   [[nodiscard]] ScanEvidence evidence_of_prediction(const LaserScan& z) const;
   Outcome take(const LaserScan& z);
-  [[nodiscard]] Verdict verdict_on(const EndPoints& points, const ScanEvidence& evidence) const;
+  [[nodiscard]] Outcome verdict_on(const EndPoints& points, const ScanEvidence& evidence) const;
   internal::UsedScan weigh_and_resample(const LaserScan& scan, const EndPoints& points,
                                         const std::optional<LaserScan>& rest);
   void update_tracking();
@@ -134,8 +134,8 @@ class Mcl {
   void recover(const internal::UsedScan& scan);
   void start_health();
   void resample(double max_share);
-  template <class Model, class Message>
-  Outcome weigh_by(const Model& model, const Message& z);
+  template <class Model, class Message, class Why>
+  Outcome weigh_by(const Model& model, const Message& z, const Why& why);
 
   std::shared_ptr<const internal::MclRecipe> recipe_;
   internal::ParticleFilter filter_;

@@ -30,10 +30,10 @@ template <class Estimator>
 constexpr int kFewSnapshots<Estimator, std::void_t<decltype(Estimator::kSnapshots)>> =
     Estimator::kSnapshots;
 
-/// Fused messages in order, with snapshots of the estimator every kSnapshotInterval of them, from
-/// which a late message and those after it are fused again. Where the estimator fuses jointly, so
-/// do the sightings of one stamp between two other messages: each that arrives fuses all of them
-/// again.
+/// Fused messages in the order of `precedes`, with snapshots of the
+/// estimator every kSnapshotInterval of them, from which a late message and those after it are
+/// fused again. Where the estimator fuses jointly, so do the sightings of one stamp between two
+/// other messages: each that arrives fuses all of them again.
 template <class Estimator>
 class MessageHistory {
  public:
@@ -73,7 +73,7 @@ class MessageHistory {
   /// is fused jointly may wait for the next one, if that is of the same stamp for sure.
   template <class Sink>
   void fuse(const TimelineEntry& entry, Estimator& estimator, Sink& sink, bool may_wait) {
-    if (entries_.empty() || !precedes(entry, entries_.back())) {
+    if (entries_.empty() || joins_last(entry, estimator) || !precedes(entry, entries_.back())) {
       append(entry, estimator, sink, may_wait);
     } else {
       insert(entry, estimator, sink);
@@ -138,7 +138,7 @@ class MessageHistory {
     try {
       fuse_again(first, estimator, sink);
     } catch (...) {
-      entries_.erase(entries_.begin() + static_cast<std::ptrdiff_t>(position));
+      forget(entry, first);
       fuse_again(first, estimator, sink);
       throw;
     }
@@ -164,15 +164,21 @@ class MessageHistory {
     try {
       fuse_them();
     } catch (...) {
-      entries_.pop_back();
+      forget(entry, first);
       fuse_them();
       throw;
     }
   }
 
-  /// The order of fusion; those that are equal are fused as they arrive.
+  /// Removes a message, which is not before a position.
+  void forget(const TimelineEntry& entry, std::size_t position) {
+    entries_.erase(std::find_if(entries_.begin() + static_cast<std::ptrdiff_t>(position),
+                                entries_.end(),
+                                [&](const TimelineEntry& e) { return e.index == entry.index; }));
+  }
+
   [[nodiscard]] static bool precedes(const TimelineEntry& a, const TimelineEntry& b) {
-    return a.stamp != b.stamp ? a.stamp < b.stamp : rank_of(a.message) < rank_of(b.message);
+    return a.stamp != b.stamp ? a.stamp < b.stamp : locfuse::precedes(a.message, b.message);
   }
 
   [[nodiscard]] static bool is_joint(const TimelineEntry& entry, const Estimator& estimator) {
@@ -236,11 +242,17 @@ class MessageHistory {
   template <class Sink>
   std::size_t fuse_joint(std::size_t first, std::size_t position, Estimator& estimator,
                          Sink& sink) {
-    std::vector<RangeBearing> sightings;
     std::size_t end = first;
     while (end < entries_.size() && entries_[end].stamp == entries_[first].stamp &&
            is_joint(entries_[end], estimator)) {
-      sightings.push_back(std::get<RangeBearing>(entries_[end++].message));
+      ++end;
+    }
+    const auto begin = entries_.begin();
+    std::sort(begin + static_cast<std::ptrdiff_t>(first), begin + static_cast<std::ptrdiff_t>(end),
+              precedes);
+    std::vector<RangeBearing> sightings;
+    for (std::size_t i = first; i < end; ++i) {
+      sightings.push_back(std::get<RangeBearing>(entries_[i].message));
     }
     const std::vector<Outcome> outcomes = estimator.on_joint(sightings);
     for (std::size_t i = std::max(first, position); i < end; ++i) {

@@ -77,7 +77,7 @@ template <class Estimator>
 }  // namespace internal
 
 /// Feeds an estimator in order of effective stamps, whatever order messages arrive in; at equal
-/// stamps odometry comes first and scans last, the rest in order of arrival.
+/// stamps odometry comes first and scans last, the rest as `precedes` has it.
 ///
 /// A late message inside the history is fused where it belongs: the snapshot before it is restored
 /// and what followed is fused again, so the belief equals, bit for bit, that of the sorted log. A
@@ -131,9 +131,9 @@ class Timeline {
     const Entry entry{effective_stamp(message), index, message};
     const Source source = source_of(message);
     if (disabled_[static_cast<std::size_t>(source)]) {
-      sink(entry.index, Outcome{Verdict::kIgnored});
+      sink(entry.index, Outcome{Verdict::kIgnored, Reason::kSwitchedOff});
     } else if (history_.is_stale(entry.stamp)) {
-      sink(entry.index, Outcome{Verdict::kStale});
+      sink(entry.index, Outcome{Verdict::kStale, Reason::kTooLate});
       watch_clock(entry, sink);
     } else if (history_.is_ahead(entry.stamp, internal::ClockJumpDetector::kFarAhead)) {
       hold(entry, sink);
@@ -199,7 +199,7 @@ class Timeline {
   template <class Sink>
   void hold(const Entry& entry, Sink& sink) {
     internal::validate_for(estimator_, entry.message);
-    sink(entry.index, Outcome{Verdict::kIgnored});
+    sink(entry.index, Outcome{Verdict::kIgnored, Reason::kTooFarAhead});
     if (detector_.add_ahead(entry)) {
       detector_.clear_stale();
       fuse_all(detector_.take_ahead(), sink);

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/messages/message.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <optional>
+#include <tuple>
+
+namespace locfuse {
+namespace {
+
+int rank_of(const Message& message) {
+  const Source source = source_of(message);
+  return source == Source::kOdometry ? 0 : source == Source::kScans ? 2 : 1;
+}
+
+constexpr std::int64_t kNoId = std::numeric_limits<std::int64_t>::min();
+
+std::int64_t number_of(const std::optional<Id>& id) { return id ? *id : kNoId; }
+
+/// A number for any double, NaN as well, so that all of them have an order.
+std::uint64_t bits_of(double value) {
+  std::uint64_t bits = 0;
+  std::memcpy(&bits, &value, sizeof(bits));
+  return bits;
+}
+std::uint64_t bits_of(const std::optional<double>& value) { return value ? bits_of(*value) : 0; }
+
+using Key = std::tuple<std::int64_t, std::int64_t, std::array<std::uint64_t, 4>>;
+
+Key key_of(const Velocity& u) {
+  return {0, 0, {bits_of(u.forward), bits_of(u.left), bits_of(u.turn_rate), 0}};
+}
+Key key_of(const Increment& u) {
+  return {u.stamp, 0, {bits_of(u.motion.x), bits_of(u.motion.y), bits_of(u.motion.heading), 0}};
+}
+Key key_of(const Range& z) { return {z.anchor, z.tag, {bits_of(z.range), bits_of(z.sigma), 0, 0}}; }
+Key key_of(const PositionFix& z) {
+  return {number_of(z.tag),
+          0,
+          {bits_of(z.position.x()), bits_of(z.position.y()), bits_of(z.covariance(0, 0)),
+           bits_of(z.covariance(1, 1))}};
+}
+Key key_of(const PoseObservation& z) {
+  return {
+      0,
+      0,
+      {bits_of(z.pose.x), bits_of(z.pose.y), bits_of(z.pose.heading), bits_of(z.covariance(0, 0))}};
+}
+Key key_of(const Altitude& z) { return {0, 0, {bits_of(z.height), bits_of(z.sigma), 0, 0}}; }
+Key key_of(const RangeBearing& z) {
+  return {
+      number_of(z.landmark), 0, {bits_of(z.range), bits_of(z.bearing), bits_of(z.elevation), 0}};
+}
+Key key_of(const LaserScan& z) {
+  const Pose2 mount = z.geometry ? z.geometry->pose_in_body : Pose2{};
+  return {static_cast<std::int64_t>(z.ranges.size()),
+          0,
+          {bits_of(mount.x), bits_of(mount.y), bits_of(mount.heading), 0}};
+}
+
+template <class M>
+bool is_less(const M& a, const M& b) {
+  return key_of(a) < key_of(b);
+}
+bool is_less(const LaserScan& a, const LaserScan& b) {
+  if (key_of(a) != key_of(b)) {
+    return key_of(a) < key_of(b);
+  }
+  return std::lexicographical_compare(
+      a.ranges.begin(), a.ranges.end(), b.ranges.begin(), b.ranges.end(),
+      [](double one, double other) { return bits_of(one) < bits_of(other); });
+}
+
+}  // namespace
+
+bool precedes(const Message& a, const Message& b) {
+  const Stamp stamp = effective_stamp(a);
+  const Stamp other_stamp = effective_stamp(b);
+  if (stamp != other_stamp) {
+    return stamp < other_stamp;
+  }
+  if (a.index() != b.index()) {
+    const int rank = rank_of(a);
+    const int other = rank_of(b);
+    return rank != other ? rank < other : a.index() < b.index();
+  }
+  return std::visit(
+      [&](const auto& one) { return is_less(one, std::get<std::decay_t<decltype(one)>>(b)); }, a);
+}
+
+}  // namespace locfuse
