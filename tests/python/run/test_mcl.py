@@ -104,9 +104,7 @@ def test_every_message_and_every_scan_has_a_row() -> None:
     for at in np.flatnonzero(source == "scans"):
         assert stamps[at] >= stamps[:at].max(initial=0)
     skipped = result.outcomes.verdict == "not_modelled"
-    assert set(result.outcomes.reason[skipped & (source == "scans")]) <= {
-        "no news: hardly moved"
-    }
+    assert set(result.outcomes.reason[skipped & (source == "scans")]) <= {"no news: hardly moved"}
 
 
 def test_a_source_that_use_leaves_out_changes_nothing() -> None:
