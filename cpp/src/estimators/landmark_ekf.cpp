@@ -118,8 +118,9 @@ Outcome LandmarkEkf::on(const PositionFix& z) {
   MapTransaction transaction(belief_, z.stamp);
   advance_to(z.stamp);
   const auto lin = recipe_->position.linearize(pose(), z);
-  return transaction.close(lin ? update(belief_, *lin, body_, recipe_->position_gate)
-                               : Outcome{Verdict::kNotModelled, Reason::kNoSigma});
+  return transaction.close(
+      lin ? update(belief_, *lin, body_, recipe_->position_gate)
+          : Outcome{Verdict::kNotModelled, internal::why_not(recipe_->position, z)});
 }
 
 Outcome LandmarkEkf::on(const RangeBearing& z) {
@@ -142,6 +143,12 @@ std::vector<Outcome> LandmarkEkf::on_joint(const std::vector<RangeBearing>& sigh
     return internal::plausible_only(sightings, recipe_->config.limits,
                                     [&](const auto& rest) { return on_joint(rest, association); });
   }
+  return internal::in_order(sightings,
+                            [&](const auto& sorted) { return fuse_together(sorted, association); });
+}
+
+std::vector<Outcome> LandmarkEkf::fuse_together(const std::vector<RangeBearing>& sightings,
+                                                Association association) {
   std::vector<Outcome> outcomes(sightings.size(),
                                 Outcome{Verdict::kStale, Reason::kBeforeEstimate});
   if (sightings.empty() || sightings.front().stamp < belief_.stamp) {

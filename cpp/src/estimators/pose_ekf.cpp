@@ -253,7 +253,7 @@ Outcome PoseEkf::on(const PositionFix& z) {
         return internal::of_source(recipe_->config, recipe_->position.linearize(pose, z),
                                    Source::kPositions);
       },
-      [&] { return internal::why_not(recipe_->range.tags(), z); });
+      [&] { return internal::why_not(recipe_->position, z); });
 }
 
 Outcome PoseEkf::on(const PoseObservation& z) {

@@ -24,6 +24,7 @@
 #include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/messages/messages.hpp"
+#include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
@@ -194,6 +195,27 @@ std::vector<Outcome> plausible_only(const std::vector<M>& messages, const Limits
   return outcomes;
 }
 
+/// What `on` makes of sightings of one instant in the order of `precedes`, for each where it
+/// stands.
+template <class On>
+std::vector<Outcome> in_order(const std::vector<RangeBearing>& sightings, const On& on) {
+  std::vector<std::size_t> order(sightings.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return precedes(sightings[a], sightings[b]);
+  });
+  std::vector<RangeBearing> sorted;
+  for (const std::size_t place : order) {
+    sorted.push_back(sightings[place]);
+  }
+  const std::vector<Outcome> of_sorted = on(sorted);
+  std::vector<Outcome> outcomes(sightings.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    outcomes[order[i]] = of_sorted[i];
+  }
+  return outcomes;
+}
+
 /// What `fuse` makes of one message of several: where its numbers leave no finite result it is
 /// kNotModelled, as an exception would hide that others have changed the belief already.
 template <class Fuse>
@@ -214,8 +236,8 @@ inline Reason why_not(const RangeModel& model, const Range& z) {
                                     [&](const Tag& tag) { return tag.id == z.tag; });
   return is_known ? Reason::kNoDirection : Reason::kUnknownTag;
 }
-inline Reason why_not(const std::vector<Tag>& tags, const PositionFix& z) {
-  const bool is_known = !z.tag || std::any_of(tags.begin(), tags.end(),
+inline Reason why_not(const PositionModel& model, const PositionFix& z) {
+  const bool is_known = !z.tag || std::any_of(model.tags().begin(), model.tags().end(),
                                               [&](const Tag& tag) { return tag.id == *z.tag; });
   return is_known ? Reason::kNoSigma : Reason::kUnknownTag;
 }

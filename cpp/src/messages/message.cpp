@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 #include <tuple>
+#include <type_traits>
 
 namespace locfuse {
 namespace {
@@ -21,45 +22,45 @@ constexpr std::int64_t kNoId = std::numeric_limits<std::int64_t>::min();
 
 std::int64_t number_of(const std::optional<Id>& id) { return id ? *id : kNoId; }
 
-/// A number for any double, NaN as well, so that all of them have an order.
+/// A number for any double, in their order; NaN has a place, too.
 std::uint64_t bits_of(double value) {
+  constexpr std::uint64_t kSign = std::uint64_t{1} << 63U;
   std::uint64_t bits = 0;
   std::memcpy(&bits, &value, sizeof(bits));
-  return bits;
+  return (bits & kSign) != 0 ? ~bits : bits | kSign;
 }
-std::uint64_t bits_of(const std::optional<double>& value) { return value ? bits_of(*value) : 0; }
+std::uint64_t bits_of(const std::optional<double>& value) {
+  return value ? bits_of(*value) : std::numeric_limits<std::uint64_t>::max();
+}
 
-using Key = std::tuple<std::int64_t, std::int64_t, std::array<std::uint64_t, 4>>;
+using Key = std::tuple<std::int64_t, std::int64_t, std::array<std::uint64_t, 5>>;
 
-Key key_of(const Velocity& u) {
-  return {0, 0, {bits_of(u.forward), bits_of(u.left), bits_of(u.turn_rate), 0}};
-}
-Key key_of(const Increment& u) {
-  return {u.stamp, 0, {bits_of(u.motion.x), bits_of(u.motion.y), bits_of(u.motion.heading), 0}};
-}
-Key key_of(const Range& z) { return {z.anchor, z.tag, {bits_of(z.range), bits_of(z.sigma), 0, 0}}; }
+Key key_of(const Range& z) { return {z.anchor, z.tag, {bits_of(z.range), bits_of(z.sigma)}}; }
 Key key_of(const PositionFix& z) {
   return {number_of(z.tag),
           0,
           {bits_of(z.position.x()), bits_of(z.position.y()), bits_of(z.covariance(0, 0)),
-           bits_of(z.covariance(1, 1))}};
+           bits_of(z.covariance(1, 1)), bits_of(z.covariance(0, 1))}};
 }
 Key key_of(const PoseObservation& z) {
-  return {
-      0,
-      0,
-      {bits_of(z.pose.x), bits_of(z.pose.y), bits_of(z.pose.heading), bits_of(z.covariance(0, 0))}};
+  return {0,
+          0,
+          {bits_of(z.pose.x), bits_of(z.pose.y), bits_of(z.pose.heading),
+           bits_of(z.covariance(0, 0)), bits_of(z.covariance(2, 2))}};
 }
-Key key_of(const Altitude& z) { return {0, 0, {bits_of(z.height), bits_of(z.sigma), 0, 0}}; }
+Key key_of(const Altitude& z) { return {0, 0, {bits_of(z.height), bits_of(z.sigma)}}; }
 Key key_of(const RangeBearing& z) {
-  return {
-      number_of(z.landmark), 0, {bits_of(z.range), bits_of(z.bearing), bits_of(z.elevation), 0}};
+  return {number_of(z.landmark),
+          0,
+          {bits_of(z.bearing), bits_of(z.range), bits_of(z.elevation),
+           z.covariance ? bits_of((*z.covariance)(0, 0)) : 0,
+           z.covariance ? bits_of((*z.covariance)(1, 1)) : 0}};
 }
 Key key_of(const LaserScan& z) {
   const Pose2 mount = z.geometry ? z.geometry->pose_in_body : Pose2{};
   return {static_cast<std::int64_t>(z.ranges.size()),
           0,
-          {bits_of(mount.x), bits_of(mount.y), bits_of(mount.heading), 0}};
+          {bits_of(mount.x), bits_of(mount.y), bits_of(mount.heading)}};
 }
 
 template <class M>
@@ -83,13 +84,27 @@ bool precedes(const Message& a, const Message& b) {
   if (stamp != other_stamp) {
     return stamp < other_stamp;
   }
+  const int rank = rank_of(a);
+  const int other_rank = rank_of(b);
+  if (rank != other_rank) {
+    return rank < other_rank;
+  }
+  if (rank == 0) {  // motions, whose order counts
+    return stamp_of(a) < stamp_of(b);
+  }
   if (a.index() != b.index()) {
-    const int rank = rank_of(a);
-    const int other = rank_of(b);
-    return rank != other ? rank < other : a.index() < b.index();
+    return a.index() < b.index();
   }
   return std::visit(
-      [&](const auto& one) { return is_less(one, std::get<std::decay_t<decltype(one)>>(b)); }, a);
+      [&](const auto& one) {
+        using M = std::decay_t<decltype(one)>;
+        if constexpr (std::is_same_v<M, Velocity> || std::is_same_v<M, Increment>) {
+          return false;
+        } else {
+          return is_less(one, std::get<M>(b));
+        }
+      },
+      a);
 }
 
 }  // namespace locfuse

@@ -444,8 +444,7 @@ Outcome Mcl::on(const Range& z) {
 }
 
 Outcome Mcl::on(const PositionFix& z) {
-  return weigh_by(recipe_->position, z,
-                  [&] { return z.tag ? Reason::kUnknownTag : Reason::kNoSigma; });
+  return weigh_by(recipe_->position, z, [&] { return internal::why_not(recipe_->position, z); });
 }
 
 Outcome Mcl::on(const PoseObservation& z) {

@@ -228,7 +228,7 @@ Outcome RecoveringEkf::fuse_conditioned(const PositionFix& z) {
   if (!result.fix && result.verdict != TagVerdict::kUnknownTag) {
     Outcome rejected =
         result.verdict == TagVerdict::kStale
-            ? Outcome{Verdict::kStale, Reason::kTooLate}
+            ? Outcome{Verdict::kStale, Reason::kBeforeEstimate}
             : Outcome{Verdict::kImplausible,
                       result.verdict == TagVerdict::kFrozen ? Reason::kFrozen : Reason::kJumped};
     rejected.residual = result.distance;

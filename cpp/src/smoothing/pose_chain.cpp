@@ -199,6 +199,11 @@ class Builder {
     return {Verdict::kFused};
   }
 
+  [[nodiscard]] Reason why(const Range& z) const { return why_not(models_->range, z); }
+  [[nodiscard]] Reason why(const PositionFix& z) const { return why_not(models_->position, z); }
+  [[nodiscard]] static Reason why(const PoseObservation& /*z*/) { return Reason::kNoSigma; }
+  [[nodiscard]] Reason why(const RangeBearing& z) const { return why_not(*models_->landmarks, z); }
+
   template <class M, class Linearize>
   Outcome measure(const M& z, std::size_t message, Source source, Id id, const Gate& gate,
                   NoiseKind kind, int offset, Linearize linearize) {
@@ -212,7 +217,7 @@ class Builder {
     keyframe_at(z.stamp);
     const auto lin = linearize(chain_.guess.back());
     if (!lin) {
-      return {Verdict::kNotModelled};
+      return {Verdict::kNotModelled, why(z)};
     }
     (void)guess_.on(z);
     chain_.guess.back() = guess_.pose();

@@ -59,8 +59,10 @@ class LogNode(Node):
             if time.monotonic() > now + MAX_WORK_S:
                 return
         if self._next is None:
-            for out in self._outs.values():
-                out.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED_S))
+            until = time.monotonic() + ACKNOWLEDGED_S
+            for out in [*self._outs.values(), *([self._clock] if self._clock else [])]:
+                left = max(until - time.monotonic(), 0.0)
+                out.wait_for_all_acked(Duration(seconds=left))
             self.get_logger().info("the log has ended")
             rclpy.try_shutdown()
 

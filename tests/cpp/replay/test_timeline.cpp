@@ -98,7 +98,8 @@ TEST(Timeline, late_messages_leave_the_bits_and_outcomes_of_the_sorted_log) {
 }
 
 TEST(Timeline, messages_of_one_stamp_give_the_same_bits_in_any_order) {
-  const testing::Simulation run = mixed_run(7);
+  testing::Simulation run = mixed_run(7);
+  run.messages.resize(run.messages.size() - 2);  // two motions of one stamp, whose order counts
   testing::Rng rng(3);
   Timeline<PoseEkf> expected(ekf_for(run), kSecond);
   for (const std::size_t index : order_of_effect(run.messages)) {
@@ -116,6 +117,41 @@ TEST(Timeline, messages_of_one_stamp_give_the_same_bits_in_any_order) {
     }
     EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.estimator().belief())) << trial;
   }
+}
+
+TEST(Timeline, motions_of_one_stamp_are_taken_as_they_arrive) {
+  const testing::Simulation run = testing::simulate(1, 2.0);
+  const Stamp now = run.start.stamp + kSecond;
+  for (const auto& [first, last] :
+       {std::pair(0.5, 0.0), std::pair(0.0, 0.5), std::pair(0.5, -0.5)}) {
+    PoseEkf expected = ekf_for(run);
+    Timeline<PoseEkf> timeline(ekf_for(run), kSecond);
+    for (const Message& message :
+         std::vector<Message>{Velocity{now, first, 0.0}, Velocity{now, last, 0.0},
+                              Increment{now + 9, now + 9, {1.0, 0.0, 0.0}},
+                              Increment{now + 9, now + 9, {0.0, 0.0, 1.5}},
+                              Increment{now + 9, now + 9, {1.0, 0.0, 0.0}}}) {
+      expected.on(message);
+      timeline.on(message, kNoSink);
+    }
+    EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.belief()));
+  }
+}
+
+/// A clock that stands still: past kMaxOfInstant messages they are fused as they arrive.
+TEST(Timeline, any_number_of_messages_may_have_one_stamp) {
+  const testing::Simulation run = testing::simulate(1, 2.0);
+  Timeline<PoseEkf> timeline(ekf_for(run), kSecond);
+  const Stamp now = run.start.stamp + kSecond;
+  std::size_t outcomes = 0;
+  for (int k = 0; k < 3000; ++k) {
+    timeline.on(Range{now, 0, 4 - k % 4, 8.0, {}},
+                [&](std::size_t, const Outcome&) { ++outcomes; });
+  }
+  EXPECT_LT(outcomes, 80'000U) << "at most 256 again for each of the first 256";
+  timeline.on(Range{now - 5, 0, 1, 8.0, {}}, kNoSink);
+  timeline.on(Velocity{now + 5, 0.0, 0.0}, kNoSink);
+  EXPECT_EQ(timeline.estimator().belief().stamp, now + 5);
 }
 
 TEST(Timeline, says_why_a_message_was_not_fused) {

@@ -89,7 +89,8 @@ def test_posts_without_names_are_as_good_as_with_names() -> None:
         }
         return float(run(parse_config({"simulation": scenario})).metrics["position_rmse_m"])
 
-    assert rmse("named") == rmse("unnamed") < 0.03
+    assert rmse("named") == pytest.approx(rmse("unnamed"), rel=0.01)  # fused in another order
+    assert rmse("named") < 0.03
 
 
 def test_sightings_of_landmarks_without_a_place_are_refused_in_one_sentence() -> None:

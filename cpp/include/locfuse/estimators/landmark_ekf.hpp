@@ -146,6 +146,8 @@ class LandmarkEkf {
   [[nodiscard]] bool in_reach(const Track& track, const RangeBearing& z) const;
   [[nodiscard]] std::optional<Sighting> linearize(const Track& track, const RangeBearing& z) const;
   [[nodiscard]] Outcome compare(const Track& track, const Sighting& lin) const;
+  std::vector<Outcome> fuse_together(const std::vector<RangeBearing>& sightings,
+                                     Association association);
   [[nodiscard]] std::vector<int> associated(const std::vector<RangeBearing>& sightings,
                                             Association association) const;
   [[nodiscard]] Pairings candidates(const std::vector<RangeBearing>& sightings) const;

@@ -40,6 +40,8 @@ class MessageHistory {
   static constexpr std::size_t kSnapshotInterval = 16;
   /// Messages that are kept at least.
   static constexpr std::size_t kMinMessages = 2 * kSnapshotInterval * kSnapshotInterval;
+  /// Messages of one stamp that are put in order.
+  static constexpr std::size_t kMaxOfInstant = 256;
 
   /// `length` [ns] is how late a message may be, of at most `max_messages`.
   MessageHistory(Stamp length, std::size_t max_messages)
@@ -64,6 +66,7 @@ class MessageHistory {
   void clear() {
     entries_.clear();
     joint_begin_.reset();
+    instant_begin_.reset();
     snapshots_used_ = 0;
     forgotten_until_ = std::numeric_limits<Stamp>::min();
   }
@@ -73,7 +76,8 @@ class MessageHistory {
   /// is fused jointly may wait for the next one, if that is of the same stamp for sure.
   template <class Sink>
   void fuse(const TimelineEntry& entry, Estimator& estimator, Sink& sink, bool may_wait) {
-    if (entries_.empty() || joins_last(entry, estimator) || !precedes(entry, entries_.back())) {
+    if (entries_.empty() || joins_last(entry, estimator) || is_crowded(entry.stamp) ||
+        !precedes(entry, entries_.back())) {
       append(entry, estimator, sink, may_wait);
     } else {
       insert(entry, estimator, sink);
@@ -135,7 +139,13 @@ class MessageHistory {
     entries_.insert(place, entry);
     const std::size_t first = begin_of_joint(position, estimator);
     joint_begin_.reset();  // what is before it changes
+    if (instant_begin_ && *instant_begin_ > position) {
+      instant_begin_.reset();
+    }
     try {
+      if (entry.stamp == entries_.back().stamp) {
+        keep_begin_of_instant(position, estimator, sink);
+      }
       fuse_again(first, estimator, sink);
     } catch (...) {
       forget(entry, first);
@@ -156,7 +166,7 @@ class MessageHistory {
     const auto fuse_them = [&] {
       if (joint_begin_ == first) {
         estimator = *before_joint_;
-        fuse_from(first, first, estimator, sink);
+        fuse_from(first, first, entries_.size(), estimator, sink);
       } else {
         fuse_again(first, estimator, sink);
       }
@@ -168,6 +178,33 @@ class MessageHistory {
       fuse_them();
       throw;
     }
+  }
+
+  /// Whether so many messages have the last stamp that others are added as they arrive: a clock
+  /// stands still.
+  [[nodiscard]] bool is_crowded(Stamp stamp) const {
+    return entries_.size() > kMaxOfInstant &&
+           entries_[entries_.size() - kMaxOfInstant].stamp == stamp;
+  }
+
+  /// Keeps the estimator before the first message of the last stamp, which one of them came to in
+  /// the wrong order: drivers repeat their order, and others will come so.
+  template <class Sink>
+  void keep_begin_of_instant(std::size_t position, Estimator& estimator, Sink& sink) {
+    std::size_t begin = position;
+    while (begin > 0 && entries_[begin - 1].stamp == entries_[position].stamp) {
+      --begin;
+    }
+    if (instant_begin_ == begin) {
+      return;
+    }
+    while (snapshots_used_ > 1 && last_snapshot().position > begin) {
+      --snapshots_used_;
+    }
+    estimator = last_snapshot().estimator;
+    fuse_from(last_snapshot().position, entries_.size(), begin, estimator, sink);
+    instant_begin_ = begin;
+    before_instant_ = estimator;
   }
 
   /// Removes a message, which is not before a position.
@@ -213,14 +250,21 @@ class MessageHistory {
     while (snapshots_used_ > 1 && last_snapshot().position > position) {
       --snapshots_used_;
     }
+    if (instant_begin_ && *instant_begin_ <= position &&
+        *instant_begin_ > last_snapshot().position) {
+      estimator = *before_instant_;
+      fuse_from(*instant_begin_, position, entries_.size(), estimator, sink);
+      return;
+    }
     estimator = last_snapshot().estimator;
-    fuse_from(last_snapshot().position, position, estimator, sink);
+    fuse_from(last_snapshot().position, position, entries_.size(), estimator, sink);
   }
 
-  /// Fuses entries from `next` on; the sink receives outcomes from `position` on.
+  /// Fuses entries from `next` to `end`; the sink receives outcomes from `position` on.
   template <class Sink>
-  void fuse_from(std::size_t next, std::size_t position, Estimator& estimator, Sink& sink) {
-    while (next < entries_.size()) {
+  void fuse_from(std::size_t next, std::size_t position, std::size_t end, Estimator& estimator,
+                 Sink& sink) {
+    while (next < end) {
       if (is_snapshot_due(next, entries_[next].stamp)) {
         take_snapshot(next, estimator);
       }
@@ -242,17 +286,11 @@ class MessageHistory {
   template <class Sink>
   std::size_t fuse_joint(std::size_t first, std::size_t position, Estimator& estimator,
                          Sink& sink) {
+    std::vector<RangeBearing> sightings;
     std::size_t end = first;
     while (end < entries_.size() && entries_[end].stamp == entries_[first].stamp &&
            is_joint(entries_[end], estimator)) {
-      ++end;
-    }
-    const auto begin = entries_.begin();
-    std::sort(begin + static_cast<std::ptrdiff_t>(first), begin + static_cast<std::ptrdiff_t>(end),
-              precedes);
-    std::vector<RangeBearing> sightings;
-    for (std::size_t i = first; i < end; ++i) {
-      sightings.push_back(std::get<RangeBearing>(entries_[i].message));
+      sightings.push_back(std::get<RangeBearing>(entries_[end++].message));
     }
     const std::vector<Outcome> outcomes = estimator.on_joint(sightings);
     for (std::size_t i = std::max(first, position); i < end; ++i) {
@@ -322,6 +360,7 @@ class MessageHistory {
     } else {
       joint_begin_.reset();
     }
+    instant_begin_.reset();
     std::rotate(snapshots_.begin(), snapshots_.begin() + static_cast<std::ptrdiff_t>(snapshot),
                 snapshots_.begin() + static_cast<std::ptrdiff_t>(snapshots_used_));
     snapshots_used_ -= snapshot;
@@ -339,8 +378,10 @@ class MessageHistory {
   std::vector<TimelineEntry> entries_;  // sorted; the oldest has a snapshot
   std::vector<Snapshot> snapshots_;     // the first snapshots_used_ are valid
   std::size_t snapshots_used_ = 0;
-  std::optional<std::size_t> joint_begin_;  // of the last sightings that are fused jointly
-  std::optional<Estimator> before_joint_;   // the estimator there
+  std::optional<std::size_t> joint_begin_;    // of the last sightings that are fused jointly
+  std::optional<Estimator> before_joint_;     // the estimator there
+  std::optional<std::size_t> instant_begin_;  // of the last stamp, where its order mattered
+  std::optional<Estimator> before_instant_;   // the estimator there
 };
 
 }  // namespace locfuse::internal

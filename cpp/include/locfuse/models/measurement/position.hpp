@@ -76,6 +76,8 @@ class PositionModel {
     return measured_rows<2, 2>(z.position - point, Matrix<2, 2>::Identity(), noise(z));
   }
 
+  [[nodiscard]] const std::vector<Tag>& tags() const { return tags_.all(); }
+
  private:
   Config config_;
   Vector<2> antenna_in_body_ = Vector<2>::Zero();
