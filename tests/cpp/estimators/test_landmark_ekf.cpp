@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -309,6 +310,7 @@ TEST(LandmarkEkf, is_a_pose_ekf_where_all_landmarks_are_exact) {
     for (std::size_t k = 0; k < seen.size(); k += 2) {
       seen[k].landmark.reset();
     }
+    std::sort(seen.begin(), seen.end(), precedes);  // a PoseEkf takes them as they are
     const std::vector<Outcome> ours = ekf.on_joint(seen);
     const std::vector<Outcome> theirs = peer.on_joint(seen);
     for (std::size_t k = 0; k < seen.size(); ++k) {
