@@ -204,10 +204,9 @@ std::vector<Outcome> in_order(const std::vector<RangeBearing>& sightings, const 
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
     return precedes(sightings[a], sightings[b]);
   });
-  std::vector<RangeBearing> sorted;
-  for (const std::size_t place : order) {
-    sorted.push_back(sightings[place]);
-  }
+  std::vector<RangeBearing> sorted(sightings.size());
+  std::transform(order.begin(), order.end(), sorted.begin(),
+                 [&](std::size_t place) { return sightings[place]; });
   const std::vector<Outcome> of_sorted = on(sorted);
   std::vector<Outcome> outcomes(sightings.size());
   for (std::size_t i = 0; i < order.size(); ++i) {
