@@ -23,7 +23,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   now = 0;
   std::vector<Message> messages;
   std::vector<Verdict> verdicts;  // the last of each
-  while (!io.empty() && messages.size() < 400) {
+  while (!io.empty() && messages.size() < internal::MessageHistory<PoseEkf>::kMaxOfInstant) {
     messages.push_back(fuzz::read<Message>(io, now));
     verdicts.push_back(Verdict::kIgnored);
     bool is_confirmed = false;  // what was held as far ahead

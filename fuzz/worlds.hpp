@@ -41,11 +41,7 @@ void code(Io& io, PoseEstimate& start) {
 
 /// Messages in the order in which a Timeline fuses them.
 inline void sort_for_fusion(std::vector<Message>& messages) {
-  const auto key = [](const Message& m) {
-    return std::make_pair(effective_stamp(m), source_of(m) != Source::kOdometry);
-  };
-  std::stable_sort(messages.begin(), messages.end(),
-                   [&](const Message& a, const Message& b) { return key(a) < key(b); });
+  std::stable_sort(messages.begin(), messages.end(), precedes);
 }
 
 template <class Io>
