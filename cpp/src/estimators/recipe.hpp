@@ -226,19 +226,19 @@ Outcome one_of_several(const Fuse& fuse) {
   }
 }
 
+inline bool has_tag(const std::vector<Tag>& tags, Id id) {
+  return std::any_of(tags.begin(), tags.end(), [id](const Tag& tag) { return tag.id == id; });
+}
+
 /// Why a model has nothing to say of a measurement.
 inline Reason why_not(const RangeModel& model, const Range& z) {
   if (model.anchors().find(z.anchor) == nullptr) {
     return Reason::kUnknownAnchor;
   }
-  const bool is_known = std::any_of(model.tags().begin(), model.tags().end(),
-                                    [&](const Tag& tag) { return tag.id == z.tag; });
-  return is_known ? Reason::kNoDirection : Reason::kUnknownTag;
+  return has_tag(model.tags(), z.tag) ? Reason::kNoDirection : Reason::kUnknownTag;
 }
 inline Reason why_not(const PositionModel& model, const PositionFix& z) {
-  const bool is_known = !z.tag || std::any_of(model.tags().begin(), model.tags().end(),
-                                              [&](const Tag& tag) { return tag.id == *z.tag; });
-  return is_known ? Reason::kNoSigma : Reason::kUnknownTag;
+  return !z.tag || has_tag(model.tags(), *z.tag) ? Reason::kNoSigma : Reason::kUnknownTag;
 }
 inline Reason why_not(const LandmarkMap& landmarks, const RangeBearing& z) {
   const bool is_known =

@@ -198,11 +198,8 @@ class MessageHistory {
     if (instant_begin_ == begin) {
       return;
     }
-    while (snapshots_used_ > 1 && last_snapshot().position > begin) {
-      --snapshots_used_;
-    }
-    estimator = last_snapshot().estimator;
-    fuse_from(last_snapshot().position, entries_.size(), begin, estimator, sink);
+    const std::size_t next = restore(begin, estimator);
+    fuse_from(next, entries_.size(), begin, estimator, sink);
     instant_begin_ = begin;
     before_instant_ = estimator;
   }
@@ -243,21 +240,26 @@ class MessageHistory {
     return first;
   }
 
-  /// Restores the snapshot before a position and fuses what follows; the sink receives outcomes
-  /// from that position on.
-  template <class Sink>
-  void fuse_again(std::size_t position, Estimator& estimator, Sink& sink) {
+  /// Restores the estimator that is kept nearest before a position; returns what it fuses next.
+  std::size_t restore(std::size_t position, Estimator& estimator) {
     while (snapshots_used_ > 1 && last_snapshot().position > position) {
       --snapshots_used_;
     }
     if (instant_begin_ && *instant_begin_ <= position &&
         *instant_begin_ > last_snapshot().position) {
       estimator = *before_instant_;
-      fuse_from(*instant_begin_, position, entries_.size(), estimator, sink);
-      return;
+      return *instant_begin_;
     }
     estimator = last_snapshot().estimator;
-    fuse_from(last_snapshot().position, position, entries_.size(), estimator, sink);
+    return last_snapshot().position;
+  }
+
+  /// Restores what is kept before a position and fuses what follows; the sink receives outcomes
+  /// from that position on.
+  template <class Sink>
+  void fuse_again(std::size_t position, Estimator& estimator, Sink& sink) {
+    const std::size_t next = restore(position, estimator);
+    fuse_from(next, position, entries_.size(), estimator, sink);
   }
 
   /// Fuses entries from `next` to `end`; the sink receives outcomes from `position` on.
