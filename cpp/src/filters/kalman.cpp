@@ -19,6 +19,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+/// Calls f(0) to f(N - 1), written out: loops of three steps cost more than what is in them.
+template <class F, int... I>
+void each(std::integer_sequence<int, I...> /*indices*/, const F& f) {
+  (f(I), ...);
+}
+template <int N, class F>
+void each(const F& f) {
+  each(std::make_integer_sequence<int, N>{}, f);
+}
+
 /// n x M, or n x as many as there are where M is Eigen::Dynamic.
 template <int M>
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, M>;
@@ -164,9 +174,22 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
   (void)belief.pose(slot);  // throws unless it is one
   const int row = belief.offset(slot);
   const Matrix<3, 3> P = belief.P.block<3, 3>(row, row);
-  const Matrix<3, 3> FP = step.jacobian * P;
-  Matrix<3, 3> P_new = step.noise;
-  P_new.noalias() += FP * step.jacobian.transpose();
+  Matrix<3, 3> FP;
+  each<3>([&](int j) {
+    each<3>([&](int i) {
+      FP(i, j) = step.jacobian(i, 0) * P(0, j) + step.jacobian(i, 1) * P(1, j) +
+                 step.jacobian(i, 2) * P(2, j);
+    });
+  });
+  Matrix<3, 3> P_new;
+  each<3>([&](int j) {
+    each<3>([&](int i) {
+      if (i >= j) {
+        P_new(i, j) = P_new(j, i) = step.noise(i, j) + FP(i, 0) * step.jacobian(j, 0) +
+                                    FP(i, 1) * step.jacobian(j, 1) + FP(i, 2) * step.jacobian(j, 2);
+      }
+    });
+  });
   const std::uint64_t interventions = internal::keep_noise(
       P_new, internal::reach_of(step.jacobian, P.diagonal()), P.diagonal(), step.noise.diagonal());
   if (!std::isfinite(P_new.sum() + moved.sum()) || !(P_new.diagonal().minCoeff() > 0.0)) {
@@ -179,7 +202,7 @@ void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slo
     belief.P.block<1, 3>(other, row) = cross.transpose();
   }
   belief.interventions += interventions;
-  belief.P.block<3, 3>(row, row) = 0.5 * (P_new + P_new.transpose());
+  belief.P.block<3, 3>(row, row) = P_new;
   belief.x.segment<3>(row) = moved;
   const std::array<int, 3> rows{row, row + 1, row + 2};
   belief.correlated.move(step.jacobian, rows.data());

@@ -28,13 +28,13 @@ void validate(const Limits& limits) {
 }
 
 bool is_plausible(const Velocity& message, const Limits& limits) {
-  return std::hypot(message.forward, message.left) <= limits.speed_mps &&
+  return Vector<2>(message.forward, message.left).norm() <= limits.speed_mps &&
          std::abs(message.turn_rate) <= limits.turn_rate_radps;
 }
 
 bool is_plausible(const Increment& message, const Limits& limits) {
   const double seconds = seconds_between(message.begin, message.stamp) + kStampJitter;
-  return std::hypot(message.motion.x, message.motion.y) <= limits.speed_mps * seconds &&
+  return message.motion.position().norm() <= limits.speed_mps * seconds &&
          std::abs(message.motion.heading) <= limits.turn_rate_radps * seconds;
 }
 
@@ -43,11 +43,11 @@ bool is_plausible(const Range& message, const Limits& limits) {
 }
 
 bool is_plausible(const PositionFix& message, const Limits& limits) {
-  return std::hypot(message.position.x(), message.position.y()) <= limits.distance_m;
+  return message.position.norm() <= limits.distance_m;
 }
 
 bool is_plausible(const PoseObservation& message, const Limits& limits) {
-  return std::hypot(message.pose.x, message.pose.y) <= limits.distance_m;
+  return message.pose.position().norm() <= limits.distance_m;
 }
 
 bool is_plausible(const Altitude& message, const Limits& limits) {

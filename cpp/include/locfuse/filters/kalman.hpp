@@ -90,33 +90,45 @@ void solve_columns(const L& factor, const Cross& C, Cross& K) {
   }
 }
 
+/// What one row says beside the belief, eq. (1) and (2) of docs/models/kalman.md, from its residual
+/// and S; the verdict is kFused if it passes the gate.
+inline Outcome compare_row(double residual, double S, const Gate& gate) {
+  if (!(S > 0.0)) {
+    throw NumericalError("innovation covariance is not positive");
+  }
+  Outcome outcome;
+  outcome.dof = 1;
+  outcome.residual = residual;
+  outcome.scale = S;
+  outcome.nis = residual * residual * (1.0 / S);
+  outcome.limit = gate.limit(1);
+  outcome.verdict = outcome.nis > outcome.limit ? Verdict::kGated : Verdict::kFused;
+  outcome.reason = outcome.nis > outcome.limit ? Reason::kUnlikely : Reason::kNone;
+  return outcome;
+}
+
 /// The gain K and what a measurement says beside the belief, eq. (1) to (3) of
 /// docs/models/kalman.md; the verdict is kFused if it passes the gate.
 template <class Lin, class Cross, class S>
 Outcome compare(const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate, Cross& K) {
+  if constexpr (S::RowsAtCompileTime == 1) {
+    const Outcome outcome = compare_row(lin.residual(0), innovation(0, 0), gate);
+    K = PHt * (1.0 / innovation(0, 0));
+    return outcome;
+  }
   Outcome outcome;
   outcome.dof = static_cast<int>(lin.residual.size());
   outcome.residual = lin.residual(0);
-  if constexpr (S::RowsAtCompileTime == 1) {
-    outcome.scale = innovation(0, 0);
-    if (!(outcome.scale > 0.0)) {
-      throw NumericalError("innovation covariance is not positive");
-    }
-    const double inverse = 1.0 / outcome.scale;
-    outcome.nis = lin.residual(0) * lin.residual(0) * inverse;
-    K = PHt * inverse;
+  const Eigen::LLT<S> factor(innovation);
+  if (factor.info() != Eigen::Success) {
+    throw NumericalError("innovation covariance is not positive definite");
+  }
+  outcome.scale = std::exp(2.0 * factor.matrixLLT().diagonal().array().log().mean());
+  outcome.nis = factor.matrixL().solve(lin.residual).squaredNorm();
+  if constexpr (Cross::RowsAtCompileTime == Eigen::Dynamic) {
+    solve_columns(factor.matrixLLT(), PHt, K);
   } else {
-    const Eigen::LLT<S> factor(innovation);
-    if (factor.info() != Eigen::Success) {
-      throw NumericalError("innovation covariance is not positive definite");
-    }
-    outcome.scale = std::exp(2.0 * factor.matrixLLT().diagonal().array().log().mean());
-    outcome.nis = factor.matrixL().solve(lin.residual).squaredNorm();
-    if constexpr (Cross::RowsAtCompileTime == Eigen::Dynamic) {
-      solve_columns(factor.matrixLLT(), PHt, K);
-    } else {
-      K = factor.solve(PHt.transpose()).transpose();
-    }
+    K = factor.solve(PHt.transpose()).transpose();
   }
   outcome.limit = gate.limit(outcome.dof);
   outcome.verdict = outcome.nis > outcome.limit ? Verdict::kGated : Verdict::kFused;
@@ -167,9 +179,14 @@ inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
   return outcome;
 }
 
-/// The update where the local variables are the whole belief, in order: x += K r and Joseph's form
-/// of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as A - (A H' - K R) K' with
-/// A = P - K (P H')', which costs O(n^2) per measurement row.
+/// The update of three variables by one row, the pose by a range: eq. (10) of
+/// docs/models/kalman.md, written out, as products of so few numbers cost more than what is in
+/// them.
+Outcome update_three(GaussianBelief& belief, const Linearization<1, 3>& lin, const Gate& gate);
+
+/// The update where the local variables are the whole belief, in order: x += K r and
+/// Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
+/// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
 template <int M, int N, int MaxM, class Reach>
 Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin,
                      const Reach& reach, const Gate& gate) {
@@ -271,6 +288,9 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
   if constexpr (N != Eigen::Dynamic && MaxM != Eigen::Dynamic) {
     if (belief.is_whole(slots, N) && belief.P.outerStride() == N &&
         belief.considered_rows().empty()) {
+      if constexpr (M == 1 && N == 3) {
+        return internal::update_three(belief, lin, gate);
+      }
       const Eigen::Map<const Matrix<N, N>> P(belief.P.data());
       const auto reach = internal::reach_of(lin.jacobian, P.diagonal());
       if (internal::is_less_than(internal::GuardTuning::kMinNoiseShare, lin.noise, reach)) {
