@@ -20,7 +20,9 @@ void bind_air_models(py::module_& m) {
       .def_readwrite("sigma_m", &AltitudeConfig::sigma_m,
                      "Sigma of an altitude without a sigma of its own [m].")
       .def_readwrite("altimeter_up_m", &AltitudeConfig::altimeter_up_m,
-                     "Height of the altimeter above the body's origin [m].");
+                     "Height of the altimeter above the body's origin [m].")
+      .def_readwrite("gate", &AltitudeConfig::gate,
+                     "Probability that a good altitude passes its gate; 1: no gate.");
   py::class_<AltitudeModel>(m, "AltitudeModel", "Altimeter height; docs/air.md.")
       .def(py::init<const AltitudeConfig&>(), py::arg("config"))
       .def("predict", &AltitudeModel::predict, py::arg("height"))
@@ -73,14 +75,6 @@ void bind_config(py::module_& m) {
       .def_readwrite("altitude", &Config::altitude)
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("landmark_in_space", &Config::landmark_in_space)
-      .def_readwrite("gate_range", &Config::gate_range, "Probability that an inlier range passes.")
-      .def_readwrite("gate_position", &Config::gate_position)
-      .def_readwrite("gate_pose", &Config::gate_pose)
-      .def_readwrite("gate_altitude", &Config::gate_altitude)
-      .def_readwrite("gate_landmark", &Config::gate_landmark)
-      .def_readwrite("robust_range", &Config::robust_range, "Noise shape of ranges.")
-      .def_readwrite("robust_position", &Config::robust_position)
-      .def_readwrite("robust_pose", &Config::robust_pose)
       .def_readwrite("robust_dof", &Config::robust_dof, "Degrees of freedom of STUDENT_T noise.")
       .def_readwrite("robust_late_share", &Config::robust_late_share,
                      "Fraction of ranges that read long under ONE_SIDED noise.")

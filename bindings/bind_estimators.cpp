@@ -195,13 +195,6 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("calibration", &Config::calibration)
       .def_readwrite("limits", &Config::limits)
       .def_readwrite("adaptive", &Config::adaptive)
-      .def_readwrite("gate_range", &Config::gate_range, "Probability that an inlier range passes.")
-      .def_readwrite("gate_position", &Config::gate_position)
-      .def_readwrite("gate_pose", &Config::gate_pose)
-      .def_readwrite("gate_landmark", &Config::gate_landmark)
-      .def_readwrite("robust_range", &Config::robust_range, "Noise shape of ranges.")
-      .def_readwrite("robust_position", &Config::robust_position)
-      .def_readwrite("robust_pose", &Config::robust_pose)
       .def_readwrite("robust_dof", &Config::robust_dof, "Degrees of freedom of STUDENT_T noise.")
       .def_readwrite("robust_late_share", &Config::robust_late_share,
                      "Fraction of ranges that read long under ONE_SIDED noise.")

@@ -96,13 +96,6 @@ void bind_filters(py::module_& m) {
       .def(py::init<double>(), py::arg("probability"))
       .def("limit", &Gate::limit, py::arg("dof"), "Largest NIS that passes.")
       .def_property_readonly("probability", &Gate::probability);
-  py::native_enum<NoiseKind>(m, "NoiseKind", "enum.Enum", "Shape of the measurement noise.")
-      .value("GAUSSIAN", NoiseKind::kGaussian, "Gaussian with the given sigma.")
-      .value("ONE_SIDED", NoiseKind::kOneSided,
-             "A fraction of the measurements reads long; scalar measurements only.")
-      .value("STUDENT_T", NoiseKind::kStudentT, "Student's t with heavy tails on both sides.")
-      .value("CAUCHY", NoiseKind::kCauchy, "Student's t with one degree of freedom.")
-      .finalize();
   py::class_<NoiseShape>(m, "NoiseShape",
                          R"(Measurement noise as a mixture of Gaussians wider than R.
 

@@ -4,15 +4,23 @@
 #include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/gyro_odometry.hpp"
+#include "locfuse/estimators/scan_drive.hpp"
 #include "numpy.hpp"
 
 namespace py = pybind11;
 using locfuse::GyroOdometry;
 using locfuse::Imu;
+using locfuse::ScanDrive;
 using locfuse::Stamp;
 using locfuse::Vector;
 
 namespace {
+
+template <class Message>
+void driven(ScanDrive& drive, const Message& message) {
+  const Alone alone(&drive);
+  drive.on(message);
+}
 
 template <class Message>
 std::optional<GyroOdometry::Motion> turned(GyroOdometry& odometry, const Message& message) {
@@ -121,4 +129,55 @@ Examples
       .def_property_readonly("bias", &GyroOdometry::bias,
                              "Of the gyro about the vertical, as known now [rad/s].")
       .def_property_readonly("sigma_bias", &GyroOdometry::sigma_bias, "[rad/s].");
+  py::class_<ScanDrive>(
+      m, "ScanDrive",
+      R"(Odometry of a laser's scans; the motion by wheels, if there are any, is where a fit begins.
+
+Feed messages in order of arrival. Without wheels, or while they are silent for more than a second,
+the body is expected to go on as it did in the last scans, give or take 0.5 m/s and 0.5 rad/s.
+
+Parameters
+----------
+scans : ScanOdometryConfig, optional
+odometry : OdometryConfig, optional
+    Noise of the wheels.
+
+Raises
+------
+ValueError
+    If a setting is out of bounds, or a message is not valid.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse import LaserGeometry, LaserScan, Pose2
+>>> from locfuse.core import Increment, ScanDrive
+>>> angle = np.pi / 180 * (np.arange(360) + 0.5)
+>>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
+>>> drive = ScanDrive()
+>>> for k, x in enumerate([0.0, 0.1]):  # in a room of 8 x 6 m; wheels report 12 cm
+...     ahead = (np.where(np.cos(angle) > 0, 4.0, -4.0) - x) / np.cos(angle)
+...     drive.on(Increment((k - 1) * 10**9, k * 10**9, Pose2(0.12, 0.0, 0.0)))
+...     motion = drive.on(LaserScan(k * 10**9, around, np.minimum(ahead, 3 / np.abs(np.sin(angle)))))
+>>> round(motion.motion.x, 2)
+0.1
+)")
+      .def(py::init([](const locfuse::ScanOdometryConfig& scans,
+                       const locfuse::OdometryMotion::Config& odometry) {
+             return ScanDrive({scans, odometry});
+           }),
+           py::arg_v("scans", locfuse::ScanOdometryConfig{}, "ScanOdometryConfig()"),
+           py::arg_v("odometry", locfuse::OdometryMotion::Config{}, "OdometryConfig()"))
+      .def("on", &driven<locfuse::Velocity>, py::arg("u"),
+           "Take the motion of the wheels; one that begins before the end of the last is dropped.")
+      .def("on", &driven<locfuse::Increment>, py::arg("u"),
+           "Take the motion of the wheels; one that begins before the end of the last is dropped.")
+      .def(
+          "on",
+          [](ScanDrive& drive, const locfuse::LaserScan& scan) {
+            const Alone alone(&drive);
+            return drive.on(scan);
+          },
+          py::arg("scan"),
+          "Return the motion since the last scan; None for the first, and for one that is late.");
 }

@@ -148,7 +148,7 @@ Examples
 >>> start = PoseEstimate(0, Pose2(3, 2, 0), 0.01 * np.eye(3))
 >>> ekf = PoseEkf(PoseEkfConfig(), World(anchors, [Tag(0, [0, 0, 0])]), start)
 >>> health = Health(HealthConfig())
->>> gate = Gate(PoseEkfConfig().gate_range)
+>>> gate = Gate(PoseEkfConfig().range.gate)
 >>> for k in range(30):  # ranges that contradict the pose
 ...     z = Range(k * 100_000_000, 0, 1 + k % 3, 0.1)
 ...     health.record(z, ekf.on(z), gate)

@@ -42,9 +42,6 @@ void bind_landmark_ekf(py::module_& m) {
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("position", &Config::position)
       .def_readwrite("limits", &Config::limits)
-      .def_readwrite("gate_landmark", &Config::gate_landmark,
-                     "Probability that an observation passes the gate of its landmark.")
-      .def_readwrite("gate_position", &Config::gate_position)
       .def_readwrite("gate_new", &Config::gate_new,
                      "An observation outside this wider gate of every landmark starts a new one.")
       .def_readwrite("min_sightings", &Config::min_sightings,

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include "bindings.hpp"
 #include "locfuse/math/angle.hpp"
 #include "locfuse/math/chi_squared.hpp"
+#include "locfuse/math/noise_kind.hpp"
 #include "locfuse/math/symmetric.hpp"
 
 namespace py = pybind11;
+using locfuse::NoiseKind;
 
 namespace {
 
@@ -36,6 +40,13 @@ void bind_math(py::module_& m) {
         "Quantile of the chi-squared distribution with `dof` degrees of freedom at "
         "`probability`.\n\nRaises\n------\nValueError\n    Unless dof >= 1 and 0 <= probability <= "
         "1.");
+  py::native_enum<NoiseKind>(m, "NoiseKind", "enum.Enum", "Shape of the measurement noise.")
+      .value("GAUSSIAN", NoiseKind::kGaussian, "Gaussian with the given sigma.")
+      .value("ONE_SIDED", NoiseKind::kOneSided,
+             "A fraction of the measurements reads long; scalar measurements only.")
+      .value("STUDENT_T", NoiseKind::kStudentT, "Student's t with heavy tails on both sides.")
+      .value("CAUCHY", NoiseKind::kCauchy, "Student's t with one degree of freedom.")
+      .finalize();
   py::class_<AnyLinearization>(m, "Linearization",
                                R"(Linearized measurement: residual, Jacobian and noise.
 

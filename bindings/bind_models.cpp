@@ -233,7 +233,10 @@ void bind_models(py::module_& m) {
       "Noise of ranges without a sigma: R = sigma_m^2 + (sigma_relative * distance)^2.")
       .def(py::init<>())
       .def_readwrite("sigma_m", &RangeConfig::sigma_m, "m")
-      .def_readwrite("sigma_relative", &RangeConfig::sigma_relative, "fraction of the distance");
+      .def_readwrite("sigma_relative", &RangeConfig::sigma_relative, "fraction of the distance")
+      .def_readwrite("gate", &RangeConfig::gate,
+                     "Probability that a good range passes its gate; 1: no gate.")
+      .def_readwrite("noise", &RangeConfig::noise, "Distribution of the noise of ranges.");
   py::class_<RangeModel>(
       m, "RangeModel",
       "Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.")
@@ -285,7 +288,9 @@ void bind_models(py::module_& m) {
       .def_readwrite("sigma_range_m", &RangeBearingConfig::sigma_range_m, "m")
       .def_readwrite("sigma_bearing_rad", &RangeBearingConfig::sigma_bearing_rad, "rad")
       .def_readwrite("sigma_range_relative", &RangeBearingConfig::sigma_range_relative,
-                     "fraction of the range, in addition to sigma_range_m");
+                     "fraction of the range, in addition to sigma_range_m")
+      .def_readwrite("gate", &RangeBearingConfig::gate,
+                     "Probability that a good observation passes its gate; 1: no gate.");
   py::class_<RangeBearingInSpace>(m, "RangeBearingInSpace",
                                   "Additional settings of range and bearing on a flying body.")
       .def(py::init<>())
@@ -341,7 +346,10 @@ void bind_models(py::module_& m) {
       .def_readwrite("antenna_left_m", &PositionConfig::antenna_left_m)
       .def_readwrite("sigma_m", &PositionConfig::sigma_m,
                      "Sigma of a fix without a covariance; 0: not modelled.")
-      .def_readwrite("least_sigma_m", &PositionConfig::least_sigma_m, "Minimum sigma of any fix.");
+      .def_readwrite("least_sigma_m", &PositionConfig::least_sigma_m, "Minimum sigma of any fix.")
+      .def_readwrite("gate", &PositionConfig::gate,
+                     "Probability that a good fix passes its gate; 1: no gate.")
+      .def_readwrite("noise", &PositionConfig::noise, "Distribution of the noise of fixes.");
   py::class_<PositionModel>(
       m, "PositionModel",
       "Position of an antenna on the body, or of one of its tags; docs/models/position.md.")
@@ -381,7 +389,10 @@ void bind_models(py::module_& m) {
       .def_readwrite("sigma_heading_rad", &PoseConfig::sigma_heading_rad)
       .def_readwrite("least_sigma_m", &PoseConfig::least_sigma_m)
       .def_readwrite("least_sigma_heading_rad", &PoseConfig::least_sigma_heading_rad)
-      .def_readwrite("shares_odometry", &PoseConfig::shares_odometry);
+      .def_readwrite("shares_odometry", &PoseConfig::shares_odometry)
+      .def_readwrite("gate", &PoseConfig::gate,
+                     "Probability that a good pose passes its gate; 1: no gate.")
+      .def_readwrite("noise", &PoseConfig::noise, "Distribution of the noise of poses.");
   py::class_<PoseModel>(m, "PoseModel", "Pose from another localizer; docs/models/pose.md.")
       .def(py::init<>())
       .def(py::init<const PoseConfig&>(), py::arg("config"))

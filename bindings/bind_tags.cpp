@@ -123,11 +123,15 @@ void bind_point_models(py::module_& m) {
       .def_readwrite("sigma_lateral_mps", &VelocityConfig::sigma_lateral_mps)
       .def_readwrite("sigma_turn_rate_radps", &VelocityConfig::sigma_turn_rate_radps)
       .def_readwrite("sigma_point_mps", &VelocityConfig::sigma_point_mps,
-                     "Independent per point and axis; > 0.");
+                     "Independent per point and axis; > 0.")
+      .def_readwrite("gate", &VelocityConfig::gate,
+                     "Probability that a good velocity passes its gate; 1: no gate.");
   using DistanceConfig = PointDistanceModel::Config;
   py::class_<DistanceConfig>(m, "PointDistanceConfig", "Noise of a known distance.")
       .def(py::init<>())
-      .def_readwrite("sigma_m", &DistanceConfig::sigma_m);
+      .def_readwrite("sigma_m", &DistanceConfig::sigma_m)
+      .def_readwrite("gate", &DistanceConfig::gate,
+                     "Probability that a good distance passes its gate; 1: no gate.");
 
   py::class_<VelocityModel>(
       m, "VelocityModel",
@@ -296,12 +300,7 @@ void bind_ekf(py::module_& m) {
       .def_readwrite("holds_sides", &Config::holds_sides,
                      "Whether fixes and ranges are followed by the sides, once for all of a stamp, "
                      "where there has been no odometry for a second.")
-      .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps)
-      .def_readwrite("gate_position", &Config::gate_position,
-                     "Probability that an inlier fix passes.")
-      .def_readwrite("gate_velocity", &Config::gate_velocity)
-      .def_readwrite("gate_side", &Config::gate_side)
-      .def_readwrite("gate_range", &Config::gate_range);
+      .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps);
   py::class_<TagTriangleEkf>(m, "TagTriangleEkf",
                              R"(Extended Kalman filter over positions and velocities of three tags.
 

@@ -68,7 +68,7 @@ void code_settings(Io& io, PoseEkf::Config& c) {
   code_settings(io, c.limits);
   code(io, {&c.adaptive.messages, &c.adaptive.most}, 0.0, 200.0);
   code(io,
-       {&c.adaptive.least, &c.gate_range, &c.gate_position, &c.gate_pose, &c.gate_landmark,
+       {&c.adaptive.least, &c.range.gate, &c.position.gate, &c.pose.gate, &c.landmark.gate,
         &c.sigma_lost_xy_per_sqrt_s, &c.sigma_lost_heading_per_sqrt_s},
        0.0, 1.0);
   code(io, c.hold_s, 0.0, 10.0);
@@ -81,7 +81,7 @@ void code_settings(Io& io, LandmarkEkf::Config& c) {
   code_settings(io, c.position);
   code_settings(io, c.limits);
   code(io,
-       {&c.gate_landmark, &c.gate_position, &c.gate_new, &c.sigma_lost_xy_per_sqrt_s,
+       {&c.landmark.gate, &c.position.gate, &c.gate_new, &c.sigma_lost_xy_per_sqrt_s,
         &c.sigma_lost_heading_per_sqrt_s},
        0.0, 1.0);
   code(io, c.min_sightings);
@@ -96,8 +96,8 @@ void code_settings(Io& io, TagTriangleEkf::Config& c) {
   code(io,
        {&c.motion.sigma_velocity_per_sqrt_s, &c.velocity.sigma_forward_mps,
         &c.velocity.sigma_lateral_mps, &c.velocity.sigma_turn_rate_radps,
-        &c.velocity.sigma_point_mps, &c.side.sigma_m, &c.sigma_start_velocity_mps, &c.gate_position,
-        &c.gate_velocity, &c.gate_side, &c.gate_range},
+        &c.velocity.sigma_point_mps, &c.side.sigma_m, &c.sigma_start_velocity_mps, &c.position.gate,
+        &c.velocity.gate, &c.side.gate, &c.range.gate},
        0.0, 1.0);
 }
 
@@ -135,7 +135,7 @@ void code_settings(Io& io, AirEkf::Config& c) {
        {&c.landmark_in_space.sigma_elevation_rad, &c.constant_velocity.sigma_velocity_per_sqrt_s,
         &c.constant_velocity.sigma_climb_per_sqrt_s, &c.constant_velocity.sigma_heading_per_sqrt_s,
         &c.sigma_height_per_sqrt_s, &c.sigma_start_velocity_mps, &c.sigma_start_climb_mps,
-        &c.gate_range, &c.gate_position, &c.gate_pose, &c.gate_altitude, &c.gate_landmark,
+        &c.range.gate, &c.position.gate, &c.pose.gate, &c.altitude.gate, &c.landmark.gate,
         &c.sigma_lost_xy_per_sqrt_s, &c.sigma_lost_heading_per_sqrt_s,
         &c.sigma_lost_height_per_sqrt_s},
        0.0, 1.0);

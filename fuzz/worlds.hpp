@@ -58,11 +58,11 @@ void code(Io& io, TimelineOptions& options) {
 /// Gaussian.
 template <class Io, class Config>
 void code_noise(Io& io, Config& config) {
-  for (NoiseKind* kind : {&config.robust_range, &config.robust_position, &config.robust_pose}) {
+  for (NoiseKind* kind : {&config.range.noise, &config.position.noise, &config.pose.noise}) {
     auto shape = static_cast<std::uint8_t>(*kind);
     code(io, shape, 4);
     *kind = static_cast<NoiseKind>(shape);
-    if (kind != &config.robust_range && *kind == NoiseKind::kOneSided) {
+    if (kind != &config.range.noise && *kind == NoiseKind::kOneSided) {
       *kind = NoiseKind::kGaussian;
     }
   }

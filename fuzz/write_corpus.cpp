@@ -166,9 +166,9 @@ PoseEkf::Config settings(bool robust) {
   PoseEkf::Config config;
   if (robust) {
     config.calibration.sigma_scale = 0.05;
-    config.robust_range = NoiseKind::kOneSided;
-    config.robust_position = NoiseKind::kStudentT;
-    config.robust_pose = NoiseKind::kCauchy;
+    config.range.noise = NoiseKind::kOneSided;
+    config.position.noise = NoiseKind::kStudentT;
+    config.pose.noise = NoiseKind::kCauchy;
   }
   return config;
 }

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write keys, units and meanings of the tables in docs/configuration.md from the schema.
+"""Write keys, defaults, units and meanings of the tables in docs/configuration.md from the schema.
 
-Headings, prose and the columns "default" and "allowed" are kept; a test compares these with the
-schema.
+Headings, prose and the column "allowed" are kept; a test compares it with the schema.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from locfuse.config import ros, scenario, schema
 from locfuse.config.base import Strict, description, is_tag, options
@@ -115,16 +120,41 @@ def _first_row(path: str) -> str:
     return f"| `{path}` | {unit or '-'} | {text.removesuffix('.')} |"
 
 
+def _default(field: FieldInfo) -> str:
+    """Return the cell of a default: rounded to three digits, or where its own table is."""
+    value = field.get_default(call_default_factory=True)
+    if field.is_required() or value is None:
+        return "required" if field.is_required() else "none"
+    if isinstance(value, BaseModel):
+        (heading,) = (h for h, model in SECTIONS.items() if model is type(value))
+        anchor = re.sub(r"[^\w\s-]", "", heading.lstrip("# ").lower()).replace(" ", "-")
+        return f"[below](#{anchor})"
+    return f"`{_text(value)}`"
+
+
+def _text(value: Any) -> str:
+    """Return a value as YAML has it in one line."""
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_text(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_text, value)) + "]"
+    if isinstance(value, float):
+        return f"{value:.6g}" if float(f"{value:.6g}") == value else f"{value:.3g}"
+    return str(yaml.safe_dump(value, width=1000).removesuffix("\n...\n").strip())
+
+
 def _rows(model: type[Strict], lines: Iterator[str]) -> Iterator[str]:
     """Yield a row per key, and the line after the table, which `lines` stand at."""
     line, old = next(lines, None), {}
     while line is not None and line.startswith("|"):
-        key, default, _, allowed, _ = (cell.strip() for cell in line.strip("|").split("|"))
-        old[key] = default, allowed
+        key, _, _, allowed, _ = (cell.strip() for cell in line.strip("|").split("|"))
+        old[key] = allowed
         line = next(lines, None)
-    for key in model.model_fields:
+    for key, field in model.model_fields.items():
         if not is_tag(model, key):  # which the heading names
-            default, allowed = old.get(f"`{key}`", ("", ""))
+            default, allowed = _default(field), old.get(f"`{key}`", "")
             text, unit = description(model, key)
             yield f"| `{key}` | {default} | {unit or '-'} | {allowed} | {text.removesuffix('.')} |"
     if line is not None:

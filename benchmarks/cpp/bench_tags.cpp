@@ -65,7 +65,7 @@ const Circle& circle() {
 TagTriangleEkf start(bool heading_is_known) {
   TagTriangleEkf::Config config;
   config.heading_is_known = heading_is_known;
-  config.gate_position = config.gate_velocity = 1.0;
+  config.position.gate = config.velocity.gate = 1.0;
   return {config, {{}, tags()}, locfuse::PoseEstimate{0, {}, 0.01 * Eigen::Matrix3d::Identity()}};
 }
 

@@ -65,7 +65,7 @@ def start(pose: FloatArray, sigma: FloatArray) -> lf.PoseEstimate:
 def known_map_ekf() -> lf.PoseEkf:
     config = pose_config()
     config.landmark.sigma_range_m, config.landmark.sigma_bearing_rad = SIGMA_RANGE, SIGMA_BEARING
-    config.gate_landmark = 1.0  # the peers have no gate
+    config.landmark.gate = 1.0  # the peers have no gate
     posts = lf.LandmarkMap([lf.Landmark(i, post) for i, post in enumerate(POSTS)])
     return lf.PoseEkf(
         config, lf.World(landmarks=lf.LandmarkSensor(posts)), start(START, SIGMA_START)
@@ -76,7 +76,7 @@ def mapping_ekf() -> lf.LandmarkEkf:
     config = lf.LandmarkEkfConfig()
     config.odometry = pose_config().odometry
     config.landmark.sigma_range_m, config.landmark.sigma_bearing_rad = SIGMA_RANGE, SIGMA_BEARING
-    config.gate_landmark, config.gate_new = 1.0, 1.0
+    config.landmark.gate, config.gate_new = 1.0, 1.0
     return lf.LandmarkEkf(config, lf.World(), start(ORIGIN, SIGMA_ORIGIN))
 
 

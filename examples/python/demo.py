@@ -22,9 +22,11 @@ OUT = Path("out/demo")
 SEEDS = 20
 
 
-def variant(config: RunConfig, use: list[str], **estimator: Any) -> RunConfig:
-    """Return the configuration with other sources and other settings of the estimator."""
-    changed = config.estimator.model_copy(update=estimator)
+def variant(config: RunConfig, use: list[str], **ranges: Any) -> RunConfig:
+    """Return the configuration with other sources and other settings of ranges."""
+    changed = config.estimator.model_copy(
+        update={"range": config.estimator.range.model_copy(update=ranges)}
+    )
     return config.model_copy(update={"use": use, "estimator": changed})
 
 
@@ -70,7 +72,7 @@ def recorded(table: Table) -> Path:
     config = load_config(CONFIGS / "mrpt_office.yaml")
     log = load_log(config, CONFIGS, 0)
     result = run(config, log)
-    without_gate = variant(config, ["odometry", "ranges"], robust_range="gaussian", gate_range=1.0)
+    without_gate = variant(config, ["odometry", "ranges"], noise="gaussian", gate=1.0)
     rows: dict[str, Any] = {
         "odometry alone": rmse(variant(config, ["odometry"]), log),
         "odometry + UWB, no outlier rejection": rmse(without_gate, log),

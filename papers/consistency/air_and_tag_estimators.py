@@ -84,7 +84,7 @@ def _air_config(motion: _core.AirMotion, factor: float) -> _core.AirEkfConfig:
     config.landmark_in_space.sensor_up_m = 0.2
     config.landmark_in_space.sigma_elevation_rad = 0.03 * factor
     config.altitude.altimeter_up_m = 0.05
-    config.gate_range = config.gate_altitude = config.gate_landmark = 1.0
+    config.range.gate = config.altitude.gate = config.landmark.gate = 1.0
     return config
 
 
@@ -155,7 +155,7 @@ def tag_triangle_ekf(seed: int, factor: float) -> Sample:
     for name in ("sigma_forward_mps", "sigma_lateral_mps", "sigma_turn_rate_radps",
                  "sigma_point_mps"):  # fmt: skip
         setattr(config.velocity, name, factor * getattr(config.velocity, name))
-    config.gate_position = config.gate_velocity = 1.0
+    config.position.gate = config.velocity.gate = 1.0
     tags = [_core.Tag(10 + i, [*at, 1.0]) for i, at in enumerate(TRIANGLE)]
     ekf = _core.TagTriangleEkf(config, _core.World(tags=tags), _core.PoseEstimate(
         0, _core.Pose2(*start.tolist()), np.diag(np.square(factor * sigma))))  # fmt: skip

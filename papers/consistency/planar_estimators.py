@@ -60,7 +60,7 @@ def config_of(scene: Mapping[str, Any], seed: int, calibration: Mapping[str, flo
     """Return a configuration without gates, whose filter knows the noise of the simulation."""
     of_antenna = ("antenna_forward_m", "antenna_left_m")
     lever = {key: value for key, value in scene.get("positions", {}).items() if key in of_antenna}
-    gates = {f"gate_{of}": 1.0 for of in ("range", "position", "pose", "landmark")}
+    gates = {of: {"gate": 1.0} for of in ("range", "position", "pose", "landmark")}
     return parse_config(
         {
             "simulation": {"path": {"shape": "eight", "speed_mps": 0.5}, "duration_s": 20, **scene},
@@ -151,7 +151,7 @@ def landmark_ekf(seed: int, factor: float, heading_deg: float = 1.0) -> Sample:
         setattr(settings.odometry, name, getattr(config.estimator.odometry, name))
     settings.landmark.sigma_range_m = config.estimator.landmark.sigma_range_m
     settings.landmark.sigma_bearing_rad = config.estimator.landmark.sigma_bearing_rad
-    settings.gate_landmark = settings.gate_new = 1.0
+    settings.landmark.gate = settings.gate_new = 1.0
     ekf = _core.LandmarkEkf(
         settings, _core.World(), drawn_start(config, truth, to_messages(log, config), seed, factor)
     )

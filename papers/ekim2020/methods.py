@@ -205,7 +205,7 @@ def linearized_at_truth(config: RunConfig, log: Log, start: _core.PoseEstimate) 
             e, P = _linear_update(e, P, lin)
         errors.append(e[:2])
         previous = stamp
-    assert estimator.gate_range == 1.0 == estimator.gate_pose
+    assert estimator.range.gate == 1.0 == estimator.pose.gate
     return np.array(errors)
 
 

@@ -49,9 +49,8 @@ def room_config(path: str, duration_s: float = 120.0) -> RunConfig:
             "start_sigma": {"xy_m": 0.1, "heading_deg": 3.0},
             "estimator": {
                 "odometry": odometry,
-                "range": {"sigma_m": 0.0, "sigma_relative": 0.015},
-                "gate_range": 1.0,
-                "gate_pose": 1.0,
+                "range": {"sigma_m": 0.0, "sigma_relative": 0.015, "gate": 1.0},
+                "pose": {"gate": 1.0},
                 "correlation_s": 0,  # simulated errors are independent
             },
         }

@@ -57,7 +57,7 @@ def filter_config() -> _core.PoseEkfConfig:
     config.odometry.sigma_heading_per_sqrt_s = float(turn * np.sqrt(rate))
     config.landmark.sigma_range_m = SIGMA_RANGE_M
     config.landmark.sigma_bearing_rad = SIGMA_BEARING_RAD
-    config.gate_landmark = 0.9999
+    config.landmark.gate = 0.9999
     return config
 
 
@@ -92,7 +92,7 @@ def nees_of(estimate: _core.PoseEstimate, truth: FloatArray) -> float:
 def pose_ekf(start: FloatArray, marks: FloatArray, wrong: bool = False) -> _core.PoseEkf:
     config = filter_config()
     if wrong:
-        config.gate_landmark = config.gate_position = 1.0
+        config.landmark.gate = config.position.gate = 1.0
     sigma = [WRONG_M, WRONG_M, WRONG_RAD] if wrong else [0.05, 0.05, 0.02]
     return _core.PoseEkf(
         config,
@@ -164,7 +164,7 @@ def by_derivatives(marks: FloatArray, mistakes: Collection[Mistake]) -> Correct:
 def ungated_ekf(start: _core.PoseEstimate, marks: FloatArray) -> _core.PoseEkf:
     """Return a filter that believes each sighting."""
     config = filter_config()
-    config.gate_landmark = 1.0
+    config.landmark.gate = 1.0
     return _core.PoseEkf(config, _core.World(landmarks=known(marks)), start)
 
 

@@ -37,8 +37,12 @@ TUBES = {
 # depend on the distance; twice that at 3 m. Their tails are long, 1 to 4 % beyond half a metre: a
 # tight gate would take a filter that is wrong for right.
 CAMERA = {
-    "landmark": {"sigma_range_m": 0.1, "sigma_range_relative": 0.05, "sigma_bearing_rad": 0.02},
-    "gate_landmark": 0.99999,
+    "landmark": {
+        "sigma_range_m": 0.1,
+        "sigma_range_relative": 0.05,
+        "sigma_bearing_rad": 0.02,
+        "gate": 0.99999,
+    }
 }
 # Dataset, folder, run, sections of its estimator, required position RMSE [m].
 RECORDINGS: dict[str, tuple[str, str, str | None, dict[str, Any], float]] = {

@@ -88,8 +88,8 @@ class Flights:
 def robust_config() -> _core.AirEkfConfig:
     """Return the settings, the same for all: noise of ranges is Cauchy, and no gate."""
     config = filter_config()
-    config.robust_range = _core.NoiseKind.CAUCHY
-    config.gate_range = 1.0
+    config.range.noise = _core.NoiseKind.CAUCHY
+    config.range.gate = 1.0
     return config
 
 

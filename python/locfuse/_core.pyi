@@ -124,6 +124,7 @@ __all__: list[str] = [
     "RigidFit",
     "RigidFitStatus",
     "RunLog",
+    "ScanDrive",
     "ScanHypothesis",
     "ScanLikelihood",
     "ScanMatch",
@@ -187,6 +188,16 @@ __all__: list[str] = [
 
 class NumericalError(ArithmeticError):
     pass
+
+class NoiseKind(enum.Enum):
+    """
+    Shape of the measurement noise.
+    """
+
+    CAUCHY = ...
+    GAUSSIAN = ...
+    ONE_SIDED = ...
+    STUDENT_T = ...
 
 class Linearization:
     """
@@ -1818,6 +1829,20 @@ class RangeConfig:
     """
     def __init__(self) -> None: ...
     @property
+    def gate(self) -> float:
+        """
+        Probability that a good range passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def noise(self) -> NoiseKind:
+        """
+        Distribution of the noise of ranges.
+        """
+    @noise.setter
+    def noise(self, arg0: NoiseKind) -> None: ...
+    @property
     def sigma_m(self) -> float:
         """
         m
@@ -1877,6 +1902,13 @@ class RangeBearingConfig:
     Noise of landmark observations without a covariance.
     """
     def __init__(self) -> None: ...
+    @property
+    def gate(self) -> float:
+        """
+        Probability that a good observation passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_bearing_rad(self) -> float:
         """
@@ -1984,12 +2016,26 @@ class PositionConfig:
     @antenna_left_m.setter
     def antenna_left_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def gate(self) -> float:
+        """
+        Probability that a good fix passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def least_sigma_m(self) -> float:
         """
         Minimum sigma of any fix.
         """
     @least_sigma_m.setter
     def least_sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def noise(self) -> NoiseKind:
+        """
+        Distribution of the noise of fixes.
+        """
+    @noise.setter
+    def noise(self, arg0: NoiseKind) -> None: ...
     @property
     def sigma_m(self) -> float:
         """
@@ -2040,6 +2086,13 @@ class PoseConfig:
     shares_odometry: bool
     def __init__(self) -> None: ...
     @property
+    def gate(self) -> float:
+        """
+        Probability that a good pose passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def least_sigma_heading_rad(self) -> float: ...
     @least_sigma_heading_rad.setter
     def least_sigma_heading_rad(
@@ -2049,6 +2102,13 @@ class PoseConfig:
     def least_sigma_m(self) -> float: ...
     @least_sigma_m.setter
     def least_sigma_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def noise(self) -> NoiseKind:
+        """
+        Distribution of the noise of poses.
+        """
+    @noise.setter
+    def noise(self, arg0: NoiseKind) -> None: ...
     @property
     def sigma_heading_rad(self) -> float: ...
     @sigma_heading_rad.setter
@@ -2472,16 +2532,6 @@ class Gate:
     @property
     def probability(self) -> float: ...
 
-class NoiseKind(enum.Enum):
-    """
-    Shape of the measurement noise.
-    """
-
-    CAUCHY = ...
-    GAUSSIAN = ...
-    ONE_SIDED = ...
-    STUDENT_T = ...
-
 class NoiseShape:
     """
     Measurement noise as a mixture of Gaussians wider than R.
@@ -2808,8 +2858,6 @@ class PoseEkfConfig:
     pose: PoseConfig
     position: PositionConfig
     range: RangeConfig
-    robust_pose: NoiseKind
-    robust_position: NoiseKind
     def __init__(self) -> None: ...
     @property
     def correlation_s(self) -> float:
@@ -2818,25 +2866,6 @@ class PoseEkfConfig:
         """
     @correlation_s.setter
     def correlation_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_landmark(self) -> float: ...
-    @gate_landmark.setter
-    def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_pose(self) -> float: ...
-    @gate_pose.setter
-    def gate_pose(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_position(self) -> float: ...
-    @gate_position.setter
-    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_range(self) -> float:
-        """
-        Probability that an inlier range passes.
-        """
-    @gate_range.setter
-    def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def hold_s(self) -> float:
         """
@@ -2858,13 +2887,6 @@ class PoseEkfConfig:
         """
     @robust_late_share.setter
     def robust_late_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def robust_range(self) -> NoiseKind:
-        """
-        Noise shape of ranges.
-        """
-    @robust_range.setter
-    def robust_range(self, arg0: NoiseKind) -> None: ...
     @property
     def sigma_lost_heading_per_sqrt_s(self) -> float: ...
     @sigma_lost_heading_per_sqrt_s.setter
@@ -3062,6 +3084,13 @@ class AltitudeConfig:
     @altimeter_up_m.setter
     def altimeter_up_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def gate(self) -> float:
+        """
+        Probability that a good altitude passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def sigma_m(self) -> float:
         """
         Sigma of an altitude without a sigma of its own [m].
@@ -3150,8 +3179,6 @@ class AirEkfConfig:
     pose: PoseConfig
     position: PositionConfig
     range: RangeConfig
-    robust_pose: NoiseKind
-    robust_position: NoiseKind
     def __init__(self) -> None: ...
     @property
     def correlation_s(self) -> float:
@@ -3160,29 +3187,6 @@ class AirEkfConfig:
         """
     @correlation_s.setter
     def correlation_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_altitude(self) -> float: ...
-    @gate_altitude.setter
-    def gate_altitude(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_landmark(self) -> float: ...
-    @gate_landmark.setter
-    def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_pose(self) -> float: ...
-    @gate_pose.setter
-    def gate_pose(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_position(self) -> float: ...
-    @gate_position.setter
-    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_range(self) -> float:
-        """
-        Probability that an inlier range passes.
-        """
-    @gate_range.setter
-    def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def hold_s(self) -> float:
         """
@@ -3212,13 +3216,6 @@ class AirEkfConfig:
         """
     @robust_late_share.setter
     def robust_late_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def robust_range(self) -> NoiseKind:
-        """
-        Noise shape of ranges.
-        """
-    @robust_range.setter
-    def robust_range(self, arg0: NoiseKind) -> None: ...
     @property
     def sigma_height_per_sqrt_s(self) -> float:
         """
@@ -3506,6 +3503,56 @@ class GyroOdometry:
         [rad/s].
         """
 
+class ScanDrive:
+    """
+    Odometry of a laser's scans; the motion by wheels, if there are any, is where a fit begins.
+
+    Feed messages in order of arrival. Without wheels, or while they are silent for more than a second,
+    the body is expected to go on as it did in the last scans, give or take 0.5 m/s and 0.5 rad/s.
+
+    Parameters
+    ----------
+    scans : ScanOdometryConfig, optional
+    odometry : OdometryConfig, optional
+        Noise of the wheels.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of bounds, or a message is not valid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse import LaserGeometry, LaserScan, Pose2
+    >>> from locfuse.core import Increment, ScanDrive
+    >>> angle = np.pi / 180 * (np.arange(360) + 0.5)
+    >>> around = LaserGeometry(Pose2(), angle[0], np.pi / 180, range_min=0.1, range_max=10.0)
+    >>> drive = ScanDrive()
+    >>> for k, x in enumerate([0.0, 0.1]):  # in a room of 8 x 6 m; wheels report 12 cm
+    ...     ahead = (np.where(np.cos(angle) > 0, 4.0, -4.0) - x) / np.cos(angle)
+    ...     drive.on(Increment((k - 1) * 10**9, k * 10**9, Pose2(0.12, 0.0, 0.0)))
+    ...     motion = drive.on(LaserScan(k * 10**9, around, np.minimum(ahead, 3 / np.abs(np.sin(angle)))))
+    >>> round(motion.motion.x, 2)
+    0.1
+    """
+    def __init__(self, scans: ScanOdometryConfig = ..., odometry: OdometryConfig = ...) -> None: ...
+    @typing.overload
+    def on(self, u: Velocity) -> None:
+        """
+        Take the motion of the wheels; one that begins before the end of the last is dropped.
+        """
+    @typing.overload
+    def on(self, u: Increment) -> None:
+        """
+        Take the motion of the wheels; one that begins before the end of the last is dropped.
+        """
+    @typing.overload
+    def on(self, scan: LaserScan) -> Increment | None:
+        """
+        Return the motion since the last scan; None for the first, and for one that is late.
+        """
+
 class RigidFitStatus(enum.Enum):
     """
     Result of a rigid fit.
@@ -3565,6 +3612,13 @@ class VelocityConfig:
     """
     def __init__(self) -> None: ...
     @property
+    def gate(self) -> float:
+        """
+        Probability that a good velocity passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def sigma_forward_mps(self) -> float: ...
     @sigma_forward_mps.setter
     def sigma_forward_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -3589,6 +3643,13 @@ class PointDistanceConfig:
     Noise of a known distance.
     """
     def __init__(self) -> None: ...
+    @property
+    def gate(self) -> float:
+        """
+        Probability that a good distance passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def sigma_m(self) -> float: ...
     @sigma_m.setter
@@ -3820,25 +3881,6 @@ class TagTriangleEkfConfig:
     side: PointDistanceConfig
     velocity: VelocityConfig
     def __init__(self) -> None: ...
-    @property
-    def gate_position(self) -> float:
-        """
-        Probability that an inlier fix passes.
-        """
-    @gate_position.setter
-    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_range(self) -> float: ...
-    @gate_range.setter
-    def gate_range(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_side(self) -> float: ...
-    @gate_side.setter
-    def gate_side(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_velocity(self) -> float: ...
-    @gate_velocity.setter
-    def gate_velocity(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def heading_is_known(self) -> bool:
         """
@@ -4211,23 +4253,12 @@ class LandmarkEkfConfig:
     @confirm_within_s.setter
     def confirm_within_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
-    def gate_landmark(self) -> float:
-        """
-        Probability that an observation passes the gate of its landmark.
-        """
-    @gate_landmark.setter
-    def gate_landmark(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
     def gate_new(self) -> float:
         """
         An observation outside this wider gate of every landmark starts a new one.
         """
     @gate_new.setter
     def gate_new(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
-    @property
-    def gate_position(self) -> float: ...
-    @gate_position.setter
-    def gate_position(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
     def hold_s(self) -> float:
         """
@@ -4619,7 +4650,7 @@ class Health:
     >>> start = PoseEstimate(0, Pose2(3, 2, 0), 0.01 * np.eye(3))
     >>> ekf = PoseEkf(PoseEkfConfig(), World(anchors, [Tag(0, [0, 0, 0])]), start)
     >>> health = Health(HealthConfig())
-    >>> gate = Gate(PoseEkfConfig().gate_range)
+    >>> gate = Gate(PoseEkfConfig().range.gate)
     >>> for k in range(30):  # ranges that contradict the pose
     ...     z = Range(k * 100_000_000, 0, 1 + k % 3, 0.1)
     ...     health.record(z, ekf.on(z), gate)

@@ -179,7 +179,7 @@ def off_at_the_end(result: RunResult) -> float:
 # with 23 of 40 seeds.
 def test_no_gate_keeps_a_filter_in_the_mirrored_place_where_it_starts() -> None:
     config = load_config(CONFIGS / "gadau_line.yaml")
-    assert config.estimator.gate_landmark == 0.999
+    assert config.estimator.landmark.gate == 0.999
     assert max(second_half(run(config, seed=seed))[0] for seed in range(10)) < 0.03
     unknown_start = config.model_copy(update={"start": "auto"})
     assert max(second_half(run(unknown_start, seed=seed))[0] for seed in range(4)) < 0.03
@@ -206,7 +206,8 @@ def test_of_the_ready_gps_those_fixes_are_gated_that_jump() -> None:
     gated = outcomes.stamp_ns[(outcomes.source == "positions") & (outcomes.verdict == "gated")]
     assert gated.tolist() == fixes["stamp_ns"][off > 90.0].tolist()
     assert len(gated) > 2
-    open_gate = config.estimator.model_copy(update={"gate_position": 1.0})
+    fixes_of = config.estimator.position.model_copy(update={"gate": 1.0})
+    open_gate = config.estimator.model_copy(update={"position": fixes_of})
     believed = run(config.model_copy(update={"estimator": open_gate}), log).metrics
     assert believed["position_rmse_m"] > 5.0
 

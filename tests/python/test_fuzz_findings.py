@@ -34,7 +34,7 @@ DEEP = "[&a0 [1]" + "".join(f", &a{i + 1} [*a{i}]" for i in range(2000)) + "]"  
         "!!map [a]",  # TypeError
         "a: " + "[" * 2000,  # RecursionError
         "tags: " + "{a: " * 1500,  # RecursionError, once it was parsed
-        f"estimator: {{gate_range: {HUGE}}}",  # ValueError where its text was made
+        f"estimator: {{range: {{gate: {HUGE}}}}}",  # ValueError where its text was made
         f"description: [{HUGE}]",
         f"description: {DEEP}",  # RecursionError, too
         "description: " + "1:" * 200 + "1.5",  # OverflowError: a power of 60 that is no float

@@ -85,7 +85,8 @@ def test_together_they_cover_what_runs_can_do() -> None:
 
 def changed(config: RunConfig) -> RunConfig:
     """Return the configuration with a gate that is a little narrower."""
-    estimator = config.estimator.model_copy(update={"gate_range": 0.98})
+    ranges = config.estimator.range.model_copy(update={"gate": 0.98})
+    estimator = config.estimator.model_copy(update={"range": ranges})
     return config.model_copy(update={"estimator": estimator})
 
 

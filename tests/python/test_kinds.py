@@ -187,7 +187,7 @@ def test_check_sweep_and_capsule(kind: Kind) -> None:
     assert not [f for f in check(config, log).findings if f.severity == "error"]
     assert replay_capsule(make_capsule(config, log)) == []
     world = {**WORLDS[kind], "estimator": {**WORLDS[kind].get("estimator", {}), "kind": kind}}
-    trials = run_trials(parse_config(world), 2, {"estimator.gate_position": [0.99, 0.999]},
+    trials = run_trials(parse_config(world), 2, {"estimator.position.gate": [0.99, 0.999]},
                         workers=1)  # fmt: skip
     assert len(trials) == 2
 
@@ -365,7 +365,7 @@ def test_what_a_kind_does_not_fuse_is_ignored_with_a_reason() -> None:
         ({"estimator": {"kind": "landmark_slam"}, "use": ["poses"]}, "does not fuse"),
         ({"estimator": {"kind": "landmark_slam"}, "mcl": {}}, "expected one of them"),
         ({"estimator": {"kind": "landmark_slam", "landmark_slam": {"gate_new": 0.9}}},
-         "expected gate_landmark <= gate_new"),
+         "expected landmark.gate <= gate_new"),
     ],
 )  # fmt: skip
 def test_a_configuration_that_no_kind_fits_is_refused(changes: dict[str, Any], says: str) -> None:

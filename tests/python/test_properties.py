@@ -206,7 +206,7 @@ def test_a_log_is_read_back_bit_for_bit(log: Log) -> None:
 @given(
     st.fixed_dictionaries(
         {
-            "gate_range": st.floats(0.5, 1.0),
+            "range": st.fixed_dictionaries({"gate": st.floats(0.5, 1.0)}),
             "hold_s": st.floats(1e-3, 1e3),
             "sigma_lost_xy_per_sqrt_s": st.floats(1e-3, 1e3),
         }

@@ -35,7 +35,8 @@ def moved(text: str, by_s: float) -> str:
 def test_a_known_delay_makes_the_bits_of_the_log_without_it(tmp_path: Path, source: str) -> None:
     late = {f"{source}.csv": moved(GOOD[f"{source}.csv"], 0.05)}
     good = run(parse_config(START), read_log(write_folder(tmp_path / "a")))
-    config = parse_config({**START, "delays_s": {source: 0.05}})
+    of = {"ranges": "range"}.get(source, source)
+    config = parse_config({**START, "estimator": {of: {"latency_s": 0.05}}})
     bad = run(config, read_log(write_folder(tmp_path / "b", late)))
     unaware = run(parse_config(START), read_log(write_folder(tmp_path / "c", late)))
 

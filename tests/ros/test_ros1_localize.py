@@ -383,7 +383,7 @@ def test_the_start_is_published_to_another_localizer(tmp_path: Path) -> None:
         ({"startt": "auto"}, "/locfuse: unknown key 'startt'; did you mean 'start'?"),
         ({"config": 3}, "/locfuse: config is 3, expected text"),
         ({"config": "/nowhere.yaml"}, "/nowhere.yaml: cannot be read"),
-        ({"estimator": {"gate_rnge": 1}}, "did you mean 'gate_range'?"),
+        ({"estimator": {"hold": 1}}, "did you mean 'hold_s'?"),
         ({"start": "truth"}, "start is 'truth', which a robot does not know"),
         ({"start": "auto", "ros": {"world": "/nowhere"}}, "/nowhere: no such folder"),
     ],

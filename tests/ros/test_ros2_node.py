@@ -41,12 +41,12 @@ def peer(tmp_path: Path) -> Iterator[Peer]:
     ("given", "says"),
     [
         (
-            {**STARTS, "estimator.gate_rnge": 0.99},
-            "estimator: unknown key 'gate_rnge'; did you mean 'gate_range'?",
+            {**STARTS, "estimator.hold": 0.99},
+            "estimator: unknown key 'hold'; did you mean 'hold_s'?",
         ),
         ({**STARTS, "cofnig": "x"}, "unknown key 'cofnig'"),
-        ({**STARTS, "estimator.gate_range": 7.0}, "at most 1 (got 7.0)"),
-        ({**STARTS, "estimator.gate_range": "wide"}, "estimator.gate_range: "),
+        ({**STARTS, "estimator.range.gate": 7.0}, "at most 1 (got 7.0)"),
+        ({**STARTS, "estimator.range.gate": "wide"}, "estimator.range.gate: "),
         ({**STARTS, "ros.frames.odom": "map"}, "expected three names"),
         ({**STARTS, "config": "/no/such.yaml"}, "/no/such.yaml: cannot be read"),
         ({**STARTS, "ros.world": "/no/such/world"}, "/no/such/world: no such folder"),
@@ -66,27 +66,27 @@ def test_what_is_not_allowed_ends_the_node_with_one_sentence(
 def test_parameters_are_declared_with_type_range_and_description(
     peer: Peer, tmp_path: Path
 ) -> None:
-    config = write_config(tmp_path, start="auto", estimator={"gate_range": 0.9, "hold_s": 2})
-    peer.start("localize", {"config": config, "estimator.gate_range": 0.99, "history_s": 3})
+    config = write_config(tmp_path, start="auto", estimator={"range": {"gate": 0.9}, "hold_s": 2})
+    peer.start("localize", {"config": config, "estimator.range.gate": 0.99, "history_s": 3})
     known = {p.name: p for p in parameters(RunConfig())}
     listed = set(peer.call("/locfuse/list_parameters", ListParameters).result.names)
     assert set(known) <= listed
-    names = ["estimator.gate_range", "history_messages", "when_lost", "ros.topics.odometry"]
+    names = ["estimator.range.gate", "history_messages", "when_lost", "ros.topics.odometry"]
     gate, history, lost, topic = peer.call(
         "/locfuse/describe_parameters", DescribeParameters, names=names
     ).descriptors
     assert gate.type == ParameterType.PARAMETER_DOUBLE
     assert gate.floating_point_range[0].to_value == 1.0
-    assert gate.description == known["estimator.gate_range"].description != ""
+    assert gate.description == known["estimator.range.gate"].description != ""
     assert history.type == ParameterType.PARAMETER_INTEGER
     assert history.integer_range[0].from_value == 512
     assert lost.additional_constraints == "restart or go_on"
     assert topic.type == ParameterType.PARAMETER_STRING
-    names = ["estimator.gate_range", "estimator.hold_s", "history_s", "seed"]
+    names = ["estimator.range.gate", "estimator.hold_s", "history_s", "seed"]
     values = peer.call("/locfuse/get_parameters", GetParameters, names=names).values
     assert [v.double_value for v in values[:3]] == [0.99, 2.0, 3.0]
     assert values[3].integer_value == 0
-    changed = Parameter("estimator.gate_range", value=0.5).to_parameter_msg()
+    changed = Parameter("estimator.range.gate", value=0.5).to_parameter_msg()
     [result] = peer.call("/locfuse/set_parameters", SetParameters, parameters=[changed]).results
     assert not result.successful
     assert isinstance(gate, ParameterDescriptor)
@@ -97,7 +97,7 @@ def test_a_file_of_parameters_is_that_of_a_run(peer: Peer, tmp_path: Path) -> No
     path.write_text(
         "/**:\n  ros__parameters:\n    start: [1.0, 2.0, 90.0]\n"
         "    use: [odometry, ranges]\n    anchors: {all: {offset_m: 0.1}}\n"
-        "    estimator: {range: {sigma_m: 0.12}, gate_range: 0.99}\n"
+        "    estimator: {range: {sigma_m: 0.12, gate: 0.99}}\n"
         "    ros: {topics: {odometry: wheels, scans: ''}, range_topics: {uwb/a1: A1}}\n"
     )
     peer.start("localize", {}, "--params-file", str(path))

@@ -8,6 +8,7 @@
 #include "locfuse/estimators/gyro_odometry.hpp"
 #include "locfuse/estimators/landmark_ekf.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
+#include "locfuse/estimators/scan_drive.hpp"
 #include "locfuse/estimators/tag_triangle_ekf.hpp"
 #include "locfuse/filters/kalman.hpp"
 #include "locfuse/filters/robust.hpp"

@@ -54,18 +54,18 @@ LandmarkEkf::Recipe LandmarkEkf::recipe_of(const Config& config, const Pose2& T_
   validate(config.limits);
   at_least(1, "min_sightings", config.min_sightings);
   at_least(0, "max_landmarks", config.max_landmarks);
-  if (config.gate_new < config.gate_landmark) {
+  if (config.gate_new < config.landmark.gate) {
     throw std::invalid_argument("gate_new is " + std::to_string(config.gate_new) +
-                                ", expected at least gate_landmark, which is " +
-                                std::to_string(config.gate_landmark));
+                                ", expected at least landmark.gate, which is " +
+                                std::to_string(config.landmark.gate));
   }
   return {config,
           OdometryMotion(config.odometry),
           internal::lost_motion(config),
           RangeBearingModel(config.landmark, T_body_sensor),
           PositionModel(config.position),
-          Gate(config.gate_landmark),
-          Gate(config.gate_position),
+          Gate(config.landmark.gate),
+          Gate(config.position.gate),
           Gate(config.gate_new),
           internal::hold_of(config),
           internal::stamps_of("confirm_within_s", config.confirm_within_s)};
@@ -186,7 +186,7 @@ std::vector<int> LandmarkEkf::associated(const std::vector<RangeBearing>& sighti
                                          Association association) const {
   Pairings pairings = candidates(sightings);
   const Eigen::MatrixXd P = compressed(belief_.P, pairings);
-  const Assignment assignment = associate(association, P, pairings, recipe_->config.gate_landmark);
+  const Assignment assignment = associate(association, P, pairings, recipe_->config.landmark.gate);
   std::vector<int> tracks(sightings.size(), -1);
   for (std::size_t i = 0; i < sightings.size(); ++i) {
     if (assignment[i] >= 0) {

@@ -67,18 +67,17 @@ double determinant_of(const Noise& noise) {
 }  // namespace
 
 PoseEkf::PoseEkf(const Config& config, const World& world, const PoseEstimate& start)
-    : recipe_(std::make_shared<const Recipe>(
-          Recipe{config, OdometryMotion(config.odometry), internal::lost_motion(config),
-                 RangeModel(config.range, internal::anchors_of(world), world.tags),
-                 PositionModel(config.position, world.tags), PoseModel(config.pose),
-                 RangeBearingModel(config.landmark, world.landmarks.T_body_sensor),
-                 Calibration(config.calibration, *internal::anchors_of(world)),
-                 internal::landmarks_of(world), Gate(config.gate_range), Gate(config.gate_position),
-                 Gate(config.gate_pose), Gate(config.gate_landmark),
-                 internal::noise_of("robust_range", config.robust_range, config),
-                 internal::noise_of("robust_position", config.robust_position, config),
-                 internal::noise_of("robust_pose", config.robust_pose, config),
-                 internal::hold_of(config)})),
+    : recipe_(std::make_shared<const Recipe>(Recipe{
+          config, OdometryMotion(config.odometry), internal::lost_motion(config),
+          RangeModel(config.range, internal::anchors_of(world), world.tags),
+          PositionModel(config.position, world.tags), PoseModel(config.pose),
+          RangeBearingModel(config.landmark, world.landmarks.T_body_sensor),
+          Calibration(config.calibration, *internal::anchors_of(world)),
+          internal::landmarks_of(world), Gate(config.range.gate), Gate(config.position.gate),
+          Gate(config.pose.gate), Gate(config.landmark.gate),
+          internal::noise_of("range.noise", config.range.noise, config),
+          internal::noise_of("position.noise", config.position.noise, config),
+          internal::noise_of("pose.noise", config.pose.noise, config), internal::hold_of(config)})),
       belief_(GaussianBelief::of_pose(start.stamp, start.pose, start.covariance)),
       body_(belief_.slot("body")),
       odometry_(start.stamp),
@@ -511,7 +510,7 @@ std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>
       }
     }
   }
-  const double probability = recipe_->config.gate_landmark;
+  const double probability = recipe_->config.landmark.gate;
   compare(belief_.P, probability, pairings);
   const Assignment assignment = associate(association, belief_.P, pairings, probability);
   std::vector<const Landmark*> landmarks(sightings.size(), nullptr);
@@ -551,7 +550,7 @@ Outcome PoseEkf::on_joint(const std::vector<Range>& epoch) {
   if (has_states || !recipe_->range_noise.is_gaussian()) {
     throw std::invalid_argument(
         "ranges are fused jointly as the map has them and with Gaussian noise only; with "
-        "robust_range, or errors of anchors as states, fuse them one by one");
+        "range.noise, or errors of anchors as states, fuse them one by one");
   }
   return correct(
       Source::kRanges, epoch.front().stamp, recipe_->range_gate, internal::kGaussian, body_,

@@ -60,7 +60,7 @@ Stamp hold_of(const Config& config) {
 /// What the noise of a kind of measurement looks like.
 template <class Config>
 NoiseShape noise_of(const char* name, NoiseKind kind, const Config& config) {
-  if (kind == NoiseKind::kOneSided && std::string(name) != "robust_range") {
+  if (kind == NoiseKind::kOneSided && std::string(name) != "range.noise") {
     throw std::invalid_argument(std::string(name) +
                                 " is one_sided, expected gaussian, student_t or cauchy: only "
                                 "ranges have a long side");

@@ -131,7 +131,7 @@ Matrix<6, 6> covariance_of(const Triangle& body, const PoseEstimate& start, doub
 std::vector<PositionFix> in_order(const TagTriangleEkf::Config& config,
                                   const std::vector<Tag>& tags,
                                   const std::vector<PositionFix>& fixes) {
-  const TagOrder order = tag_order(tags, fixes, config.gate_position);
+  const TagOrder order = tag_order(tags, fixes, config.position.gate);
   if (order.verdict != TagOrderVerdict::kFits) {
     std::ostringstream text;
     text << "a start: " << to_string(order) << "; sides measured, and of the tags in body [m]:";
@@ -169,10 +169,10 @@ struct TagTriangleEkf::Recipe {
         side(given.side),
         range(given.range, internal::anchors_of(world), world.tags),
         position(given.position),
-        position_gate(given.gate_position),
-        velocity_gate(given.gate_velocity),
-        side_gate(given.gate_side),
-        range_gate(given.gate_range) {
+        position_gate(given.position.gate),
+        velocity_gate(given.velocity.gate),
+        side_gate(given.side.gate),
+        range_gate(given.range.gate) {
     validate(config.limits);
     internal::positive("sigma_start_velocity_mps", config.sigma_start_velocity_mps);
     for (int i = 0; i < 2 * kTags; ++i) {

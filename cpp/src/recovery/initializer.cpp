@@ -282,7 +282,7 @@ Initializer::Initializer(const Config& config, const World& world)
       anchors_(internal::anchors_of(world)),
       tags_(world.tags),
       matcher_(world.matcher),
-      gate_(config.estimator.gate_pose),
+      gate_(config.estimator.pose.gate),
       prototype_(independent(config.estimator), world, {0, {}, Matrix<3, 3>::Identity()}),
       tracker_(config.estimator, world, {0, {}, Matrix<3, 3>::Identity()}) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -616,7 +616,7 @@ double Initializer::log_by_chance(const RangeBearing& z) const {
 /// component is there already: eq. (2) of docs/start.md.
 void Initializer::add_constellations() {
   const std::optional<Seen> newest = seen_by(prototype_.landmark_model(), sightings_.back());
-  const double probability = std::min(config_.estimator.gate_landmark, 0.9999);
+  const double probability = std::min(config_.estimator.landmark.gate, 0.9999);
   const double anywhere = -2.0 * std::log(config_.wrong_span_m) - std::log(2.0 * kPi);
   const double prior =
       components_.empty() ? anywhere : log_before_ + std::log(config_.wrong_share) + anywhere;

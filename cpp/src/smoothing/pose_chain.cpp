@@ -29,10 +29,10 @@ struct Models {
         pose(estimator.pose),
         landmark(estimator.landmark, world.landmarks.T_body_sensor),
         landmarks(landmarks_of(world)),
-        range_gate(estimator.gate_range),
-        position_gate(estimator.gate_position),
-        pose_gate(estimator.gate_pose),
-        landmark_gate(estimator.gate_landmark),
+        range_gate(estimator.range.gate),
+        position_gate(estimator.position.gate),
+        pose_gate(estimator.pose.gate),
+        landmark_gate(estimator.landmark.gate),
         hold(hold_of(estimator)) {}
 
   PoseEkf::Config estimator;
@@ -100,7 +100,7 @@ class Builder {
     const int offset =
         found == chain_.anchors.end() ? -1 : static_cast<int>(found - chain_.anchors.begin());
     return measure(z, message, Source::kRanges, z.anchor, models_->range_gate,
-                   models_->estimator.robust_range, offset,
+                   models_->estimator.range.noise, offset,
                    rows_of([models = models_, z, more = wandering_](const Pose2& pose) {
                      auto lin = models->range.linearize(pose, z);
                      if (lin) {
@@ -111,15 +111,14 @@ class Builder {
   }
   Outcome on(const PositionFix& z, std::size_t message) {
     return measure(z, message, Source::kPositions, 0, models_->position_gate,
-                   models_->estimator.robust_position, -1,
+                   models_->estimator.position.noise, -1,
                    rows_of([models = models_, z](const Pose2& pose) {
                      return models->position.linearize(pose, z);
                    }));
   }
   Outcome on(const PoseObservation& z, std::size_t message) {
-    return measure(z, message, Source::kPoses, 0, models_->pose_gate,
-                   models_->estimator.robust_pose, -1,
-                   rows_of([models = models_, z](const Pose2& pose) {
+    return measure(z, message, Source::kPoses, 0, models_->pose_gate, models_->estimator.pose.noise,
+                   -1, rows_of([models = models_, z](const Pose2& pose) {
                      return models->pose.linearize(pose, z);
                    }));
   }

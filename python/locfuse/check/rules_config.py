@@ -13,10 +13,10 @@ from locfuse.check.context import Context
 from locfuse.check.finding import Finding, error, note, warning
 
 GATES = {
-    "gate_range": "ranges",
-    "gate_position": "positions",
-    "gate_pose": "poses",
-    "gate_landmark": "landmark_sightings",
+    "range": "ranges",
+    "position": "positions",
+    "pose": "poses",
+    "landmark": "landmark_sightings",
 }
 
 _NEVER = 1.0 - 1e-7  # a gate above lets everything pass that anyone will see
@@ -33,8 +33,8 @@ def ineffective_gates(context: Context) -> Iterator[Finding]:
 
 
 def _gate(context: Context, key: str, source: str) -> Iterator[Finding]:
-    probability = getattr(context.config.estimator, key)
-    where = f"estimator.{key}"
+    probability = getattr(context.config.estimator, key).gate
+    where = f"estimator.{key}.gate"
     if probability >= 1.0:
         yield warning(f"{where} is 1: no gate, every outlier of {source} is fused", where,
                       "set a probability such as 0.999, unless that is meant")  # fmt: skip

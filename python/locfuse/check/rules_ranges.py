@@ -24,7 +24,7 @@ _MAX_ANCHORS = 24
 _SOME_EPOCHS = 300
 _MIN_ROWS = 20
 _SOME, _MANY = 0.05, 0.1  # outliers that are too many of one anchor, and of all
-_AT_THE_TAG = "keep gate_range below 1; is the tag behind a body or beside metal?"
+_AT_THE_TAG = "keep range.gate below 1; is the tag behind a body or beside metal?"
 _RISES_M = np.arange(-12, 13) * 0.25
 
 
@@ -82,7 +82,7 @@ def invalid_ranges(context: Context) -> Iterator[Finding]:
         if 0.0 < far < 0.5:
             yield warning(f"{100 * far:.3g} % of the ranges to {name} are beyond {reach:.3g} m, "
                           f"three times across the floor (up to {mine.max():.4g} m)",
-                          "ranges.csv", "find the multipath, and keep gate_range below 1"
+                          "ranges.csv", "find the multipath, and keep range.gate below 1"
                           )  # fmt: skip
         if moves and len(mine) >= _MIN_ROWS and _longest_run(mine) >= 20:
             yield warning(f"ranges to {name} repeat one number for {_longest_run(mine)} rows while "
@@ -338,7 +338,7 @@ def outliers_by_anchor(context: Context) -> Iterator[Finding]:
     for k in (k for k in share if share[k] > least):
         yield warning(f"{100 * share[k]:.0f} % of the ranges to {context.names[k]} are {against} "
                       f"(up to {off[k].max():.3g} m)", "ranges.csv",
-                      "keep gate_range below 1; is there a wall in between?")  # fmt: skip
+                      "keep range.gate below 1; is there a wall in between?")  # fmt: skip
 
 
 def _has_outliers(value: FloatArray, limit: float) -> bool:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
@@ -16,12 +16,14 @@ from locfuse.types import nearest, shown
 class Strict(BaseModel):
     """A configuration that refuses unknown keys, NaN and infinity, and never changes once made.
 
-    `fixed` are constants of the C++ struct that are no keys; as such a value one is left out.
+    `struct` is the C++ struct that has the defaults. `fixed` are constants of it that are no keys;
+    with its own value one is left out.
     `renamed` has keys of before: the value that still loads, and what to write for any other.
     """
 
-    fixed: ClassVar[Mapping[str, float]] = {}
-    renamed: ClassVar[Mapping[str, tuple[float, str]]] = {}
+    struct: ClassVar[Any] = None
+    fixed: ClassVar[Sequence[str]] = ()
+    renamed: ClassVar[Mapping[str, tuple[Any, str]]] = {}
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
@@ -33,9 +35,10 @@ class Strict(BaseModel):
         if isinstance(data, dict):
             fixed = [key for key in data if key in cls.fixed]
             for key in fixed:
-                if isinstance(data[key], bool) or data[key] != cls.fixed[key]:
+                constant = getattr(cls.struct, key)
+                if isinstance(data[key], bool) or data[key] != constant:
                     raise ValueError(f"{key} is {shown(data[key])}, but is fixed at "
-                                     f"{cls.fixed[key]:g}; remove it")  # fmt: skip
+                                     f"{constant:g}; remove it")  # fmt: skip
             for key in (renamed := [key for key in data if key in cls.renamed]):
                 if data[key] != cls.renamed[key][0]:
                     raise ValueError(f"{key} is no key any more; write {cls.renamed[key][1]}")

@@ -36,8 +36,8 @@ def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:
 def build_landmark_config(estimator: Estimator) -> _core.LandmarkEkfConfig:
     """Return the C++ struct with every value of `estimator` that maps landmarks."""
     config = _core.LandmarkEkfConfig()
-    _copy(config, estimator, ("gate_landmark", "gate_position", "hold_s",
-                              "sigma_lost_xy_per_sqrt_s", "sigma_lost_heading_per_sqrt_s"),
+    _copy(config, estimator, ("hold_s", "sigma_lost_xy_per_sqrt_s",
+                              "sigma_lost_heading_per_sqrt_s"),
           ("odometry", "landmark", "position", "limits"))  # fmt: skip
     _fill(config, estimator.landmark_slam, leave=("use_map",))
     return config
@@ -46,8 +46,8 @@ def build_landmark_config(estimator: Estimator) -> _core.LandmarkEkfConfig:
 def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
     """Return the C++ struct with every value of `estimator` for three tags."""
     config, triangle = _core.TagTriangleEkfConfig(), estimator.tag_triangle
-    _copy(config, estimator, ("gate_range", "gate_position"), ("range", "position", "limits"))
-    _copy(config, triangle, ("heading_is_known", "gate_velocity"), ("velocity",))
+    _copy(config, estimator, (), ("range", "position", "limits"))
+    _copy(config, triangle, ("heading_is_known",), ("velocity",))
     config.motion.sigma_velocity_per_sqrt_s = triangle.sigma_velocity_per_sqrt_s
     config.side.sigma_m = triangle.sigma_side_m
     config.holds_sides = True
@@ -169,7 +169,7 @@ def build_cylinder_detector(cylinders: Cylinders) -> _core.CylinderDetector:
 
 def _fill(struct: Any, model: BaseModel, leave: tuple[str, ...] = ()) -> None:
     for name in type(model).model_fields:
-        if name in leave:
+        if name in leave or name == "latency_s":  # which stamps are without already
             continue
         value = getattr(model, name)
         if isinstance(value, BaseModel):

@@ -98,9 +98,9 @@ def parse_config(data: Any, origin: str = "config") -> RunConfig:
 
     Examples
     --------
-    >>> parse_config({"estimator": {"gate_rnge": 0.99}})  # doctest: +ELLIPSIS
+    >>> parse_config({"estimator": {"hold": 0.99}})  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    locfuse.types.ConfigError: config: estimator: unknown key 'gate_rnge'; did you mean ...
+    locfuse.types.ConfigError: config: estimator: unknown key 'hold'; did you mean ...
     """
     if not isinstance(data, dict):
         raise ConfigError(f"{origin}: holds {type(data).__name__}; expected keys and values")

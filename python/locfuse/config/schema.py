@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of a run: source of messages, start pose, estimators.
 
-The estimator's models repeat the names, bounds and defaults of the C++ structs, which own them; a
-test compares the two.
+Defaults are those of the C++ structs, which own them; names and bounds are repeated here, and a
+test compares them.
 """
 
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from locfuse import _core
 from locfuse.config.base import Strict
 from locfuse.config.ros import Ros
 from locfuse.config.scenario import Name, Probability, Rate, Scenario
@@ -21,6 +23,7 @@ NonNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
 DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
 Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
+Latency: TypeAlias = Annotated[float, Field(ge=0.0, le=3600.0)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
 Message: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings",
                              "altitudes"]  # fmt: skip
@@ -43,29 +46,41 @@ FUSES: dict[Kind, tuple[Source, ...]] = {
 class Odometry(Strict):
     """Noise of wheel odometry; ``OdometryConfig`` in C++."""
 
-    sigma_longitudinal_per_sqrt_m: DriftSigma = 0.1
+    struct: ClassVar = _core.OdometryConfig()
+
+    sigma_longitudinal_per_sqrt_m: DriftSigma = struct.sigma_longitudinal_per_sqrt_m
     """Along the motion, per distance driven [m/√m]."""
-    sigma_lateral_per_sqrt_m: DriftSigma = 0.05
+    sigma_lateral_per_sqrt_m: DriftSigma = struct.sigma_lateral_per_sqrt_m
     """Across the motion, per distance driven [m/√m]."""
-    sigma_heading_per_sqrt_m: DriftSigma = 0.02
+    sigma_heading_per_sqrt_m: DriftSigma = struct.sigma_heading_per_sqrt_m
     """Heading, per distance driven [rad/√m]."""
-    sigma_heading_per_sqrt_rad: DriftSigma = 0.1
+    sigma_heading_per_sqrt_rad: DriftSigma = struct.sigma_heading_per_sqrt_rad
     """Heading, per angle turned [rad/√rad]."""
-    sigma_xy_per_sqrt_s: DriftSigma = 0.0
+    sigma_xy_per_sqrt_s: DriftSigma = struct.sigma_xy_per_sqrt_s
     """Position, at any speed and at rest [m/√s]."""
-    sigma_heading_per_sqrt_s: DriftSigma = 0.0
+    sigma_heading_per_sqrt_s: DriftSigma = struct.sigma_heading_per_sqrt_s
     """Heading, at any speed and at rest [rad/√s]."""
-    sigma_longitudinal_per_sqrt_s: DriftSigma = 0.0
+    sigma_longitudinal_per_sqrt_s: DriftSigma = struct.sigma_longitudinal_per_sqrt_s
     """Along the heading only, at any speed and at rest, as from a speed error [m/√s]."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
 
 
 class Range(Strict):
-    """Noise of ranges that bring no sigma of their own; ``RangeConfig`` in C++."""
+    """Ranges: noise of those that bring no sigma of their own; ``RangeConfig`` in C++."""
 
-    sigma_m: NonNegative = 0.3
+    struct: ClassVar = _core.RangeConfig()
+
+    sigma_m: NonNegative = struct.sigma_m
     """Absolute part [m]."""
-    sigma_relative: NonNegative = 0.0
+    sigma_relative: NonNegative = struct.sigma_relative
     """Fraction of the distance; not both 0."""
+    gate: GateProbability = struct.gate
+    """Probability that a good range passes its gate; 1: no gate."""
+    noise: Literal["gaussian", "one_sided", "student_t", "cauchy"] = "gaussian"
+    """Noise distribution: [Robust updates](models/robust.md)."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
 
     @model_validator(mode="after")
     def _some_noise(self) -> Range:
@@ -77,63 +92,88 @@ class Range(Strict):
 class Altitude(Strict):
     """Altimeter of a body that flies; ``AltitudeConfig`` in C++."""
 
-    altimeter_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    struct: ClassVar = _core.AltitudeConfig()
+
+    altimeter_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.altimeter_up_m
     """Height of the altimeter over the body's origin [m]."""
-    sigma_m: Positive = 0.1
+    sigma_m: Positive = struct.sigma_m
     """Sigma of an altitude without a sigma of its own [m]."""
+    gate: GateProbability = struct.gate
+    """Probability that a good altitude passes its gate; 1: no gate."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
 
 
 class Position(Strict):
     """Position fixes: lever arm of the antenna, and sigmas; ``PositionConfig`` in C++."""
 
-    antenna_forward_m: float = 0.0
+    struct: ClassVar = _core.PositionConfig()
+
+    antenna_forward_m: float = struct.antenna_forward_m
     """Antenna in body, forward [m]."""
-    antenna_left_m: float = 0.0
+    antenna_left_m: float = struct.antenna_left_m
     """Antenna in body, to the left [m]."""
-    sigma_m: NonNegative = 0.0
+    sigma_m: NonNegative = struct.sigma_m
     """Sigma of a fix [without a sigma of its own](filter.md#what-drivers-do-not-know); 0: such a
     fix is not modelled [m].
     """
-    least_sigma_m: Positive = 1e-3
+    least_sigma_m: Positive = struct.least_sigma_m
     """Minimum sigma of any fix [m]."""
+    gate: GateProbability = struct.gate
+    """Probability that a good fix passes its gate; 1: no gate."""
+    noise: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
+    """Noise distribution: [Robust updates](models/robust.md)."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
 
 
 class Pose(Strict):
     """Sigmas of poses of other localizers; ``PoseConfig`` in C++."""
 
-    sigma_m: NonNegative = 0.0
+    struct: ClassVar = _core.PoseConfig()
+
+    sigma_m: NonNegative = struct.sigma_m
     """Position sigma of a pose without sigmas of its own; 0: its position is not modelled [m]."""
-    sigma_heading_rad: NonNegative = 0.0
+    sigma_heading_rad: NonNegative = struct.sigma_heading_rad
     """Heading sigma of a pose without sigmas of its own; 0: its heading is not modelled [rad]."""
-    least_sigma_m: Positive = 1e-3
+    least_sigma_m: Positive = struct.least_sigma_m
     """Minimum position sigma of any pose [m]."""
-    least_sigma_heading_rad: Positive = 1e-4
+    least_sigma_heading_rad: Positive = struct.least_sigma_heading_rad
     """Minimum heading sigma of any pose [rad]."""
-    shares_odometry: bool = False
+    shares_odometry: bool = struct.shares_odometry
     """Whether the localizer, such as AMCL, goes by the same odometry, so that its stamps are as
     late; else [how late they are](models/pose_source.md) is learnt.
     """
+    gate: GateProbability = struct.gate
+    """Probability that a good pose passes its gate; 1: no gate."""
+    noise: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
+    """Noise distribution: [Robust updates](models/robust.md)."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
 
 
 class Limits(Strict):
     """Physical limits of robot and sensors; ``Limits`` in C++."""
 
-    speed_mps: Limit = 100.0
+    struct: ClassVar = _core.Limits()
+
+    speed_mps: Limit = struct.speed_mps
     """Maximum speed of odometry [m/s]."""
-    turn_rate_radps: Limit = 50.0
+    turn_rate_radps: Limit = struct.turn_rate_radps
     """Maximum turn rate of odometry [rad/s]."""
-    range_m: Limit = 1e4
+    range_m: Limit = struct.range_m
     """Maximum range to an anchor or landmark [m]."""
-    distance_m: Limit = 2e7
+    distance_m: Limit = struct.distance_m
     """Maximum distance of a position or pose from the origin of the world [m]."""
 
 
 class Adaptive(Strict):
     """Variances that follow innovations, 0 for none; ``AdaptiveNoise::Config`` in C++."""
 
-    fixed: ClassVar = {"least": 0.1, "most": 100.0}
+    struct: ClassVar = _core.AdaptiveNoiseConfig()
+    fixed: ClassVar = ("least", "most")
 
-    messages: NonNegative = 0.0
+    messages: NonNegative = struct.messages
     """Number of messages in the memory; 0: off, else at least 5: 200 for a sensor of constant
     quality, fewer if it varies.
     """
@@ -148,46 +188,54 @@ class Adaptive(Strict):
 class Landmark(Strict):
     """Noise of sightings that bring no sigmas of their own; ``RangeBearingConfig`` in C++."""
 
-    sigma_range_m: Positive = 0.3
+    struct: ClassVar = _core.RangeBearingConfig()
+
+    sigma_range_m: Positive = struct.sigma_range_m
     """Sigma of the range to a landmark [m]."""
-    sigma_bearing_rad: Positive = 0.05
+    sigma_bearing_rad: Positive = struct.sigma_bearing_rad
     """Sigma of its bearing [rad]."""
-    sigma_range_relative: NonNegative = 0.0
+    sigma_range_relative: NonNegative = struct.sigma_range_relative
     """Fraction of the range, added to `sigma_range_m`."""
+    gate: GateProbability = struct.gate
+    """Probability that a good observation passes its gate; 1: no gate."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
 
 
 class Calibration(Strict):
     """Errors that the pose EKF learns, 0 for none; ``CalibrationConfig`` in C++."""
 
-    sigma_scale: DriftSigma = 0.0
+    struct: ClassVar = _core.CalibrationConfig()
+
+    sigma_scale: DriftSigma = struct.sigma_scale
     """Scale error of the odometry distance."""
-    sigma_direction_rad: DriftSigma = 0.0
+    sigma_direction_rad: DriftSigma = struct.sigma_direction_rad
     """Angle between travel and heading [rad]."""
-    sigma_turn_scale: DriftSigma = 0.0
+    sigma_turn_scale: DriftSigma = struct.sigma_turn_scale
     """Scale error of the odometry turn."""
-    sigma_turn_bias_radps: DriftSigma = 0.0
+    sigma_turn_bias_radps: DriftSigma = struct.sigma_turn_bias_radps
     """Bias of the turn rate, as of a gyro [rad/s]."""
-    sigma_turn_bias_radps_per_sqrt_s: DriftSigma = 0.0
+    sigma_turn_bias_radps_per_sqrt_s: DriftSigma = struct.sigma_turn_bias_radps_per_sqrt_s
     """Random walk of that bias; only with the bias [rad/s/√s]."""
-    sigma_sensor_m: DriftSigma = 0.0
+    sigma_sensor_m: DriftSigma = struct.sigma_sensor_m
     """Position of the landmark sensor in body, forward and left [m]."""
-    sigma_sensor_rad: DriftSigma = 0.0
+    sigma_sensor_rad: DriftSigma = struct.sigma_sensor_rad
     """Heading of the landmark sensor in body [rad]."""
-    sigma_range_offset_m: DriftSigma = 0.0
+    sigma_range_offset_m: DriftSigma = struct.sigma_range_offset_m
     """Constant part of the error of ranges to landmarks [m]."""
-    sigma_range_scale: DriftSigma = 0.0
+    sigma_range_scale: DriftSigma = struct.sigma_range_scale
     """Proportional part of the error of ranges to landmarks."""
-    sigma_delay_s: DriftSigma = 0.0
+    sigma_delay_s: DriftSigma = struct.sigma_delay_s
     """Latency of landmark observations [s]."""
-    sigma_anchor_offset_m: DriftSigma = 0.0
+    sigma_anchor_offset_m: DriftSigma = struct.sigma_anchor_offset_m
     """Constant part of the range error of each anchor, beyond `anchors` [m]."""
-    anchor_offset_correlation_s: NonNegative = 0.0
+    anchor_offset_correlation_s: NonNegative = struct.anchor_offset_correlation_s
     """Correlation time of that offset, a Gauss-Markov process about 0; 0: it is constant [s]."""
-    sigma_anchor_scale: DriftSigma = 0.0
+    sigma_anchor_scale: DriftSigma = struct.sigma_anchor_scale
     """Proportional part of the range error of each anchor, beyond `anchors`."""
-    sigma_range_delay_s: DriftSigma = 0.0
+    sigma_range_delay_s: DriftSigma = struct.sigma_range_delay_s
     """Latency of all ranges [s]."""
-    consider: bool = False
+    consider: bool = struct.consider
     """Account for these errors without estimating them."""
 
     @model_validator(mode="after")
@@ -206,8 +254,8 @@ class Calibration(Strict):
 
 
 Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
-_OF_POSE = ("calibration", "adaptive", "correlation_s", "robust_range", "robust_position",
-            "robust_pose")  # fmt: skip
+_OF_POSE = ("calibration", "adaptive", "correlation_s", "range.noise", "position.noise",
+            "pose.noise")  # fmt: skip
 LEFT_OUT: dict[Kind, tuple[str, ...]] = {  # settings of `Estimator` that a kind does not have
     "pose": ("landmark_slam", "tag_triangle", "air"),
     "landmark_slam": ("tag_triangle", "air", *_OF_POSE),
@@ -219,33 +267,34 @@ LEFT_OUT: dict[Kind, tuple[str, ...]] = {  # settings of `Estimator` that a kind
 class Cylinders(Strict):
     """Pillars, poles and trunks in the scans; ``CylinderDetectorConfig`` in C++."""
 
-    fixed: ClassVar = {"jump_gaps": 6.0, "misfit_probability": 0.99999, "leg_radius_m": 0.12}
+    struct: ClassVar = _core.CylinderDetectorConfig()
+    fixed: ClassVar = ("jump_gaps", "misfit_probability", "leg_radius_m")
 
     method: Literal["arcs", "closest_beam", "cone"] = "arcs"
     """Detection. `arcs`: a circle is fitted to the beams; `closest_beam`: the centre is `radius_m`
     behind the shortest of them; `cone`: [by the shortest alone](models/cylinders.md), no walls.
     """
-    sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = 0.01
+    sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = struct.sigma_range_m
     """Range noise of one beam [m]."""
-    sigma_bearing_rad: Bounded = 0.0
+    sigma_bearing_rad: Bounded = struct.sigma_bearing_rad
     """Direction noise of one beam: beam width, quantization [rad]."""
-    radius_m: Bounded = 0.0
+    radius_m: Bounded = struct.radius_m
     """Radius of all cylinders; 0: fitted for each cylinder [m]."""
-    radius_min_m: Annotated[float, Field(ge=1e-3, le=1e9)] = 0.03
+    radius_min_m: Annotated[float, Field(ge=1e-3, le=1e9)] = struct.radius_min_m
     """Minimum fitted radius [m]."""
-    radius_max_m: Annotated[float, Field(ge=1e-3, le=1e9)] = 1.5
+    radius_max_m: Annotated[float, Field(ge=1e-3, le=1e9)] = struct.radius_max_m
     """Maximum fitted radius; at least `radius_min_m` [m]."""
-    least_beams: Annotated[int, Field(ge=1, le=10**9)] = 7
+    least_beams: Annotated[int, Field(ge=1, le=10**9)] = struct.least_beams
     """Minimum number of beams on a cylinder."""
-    least_evidence: Bounded = 25.0
+    least_evidence: Bounded = struct.least_evidence
     """Minimum by which the chi-square of a straight wall exceeds that of the cylinder."""
-    least_corner_evidence: Annotated[float, Field(ge=-1e9, le=1e9)] = 4.0
+    least_corner_evidence: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.least_corner_evidence
     """Minimum by which the chi-square of a right-angled corner exceeds it; -20 for places without
     boxes.
     """
-    leg_distance_m: Bounded = 0.0
+    leg_distance_m: Bounded = struct.leg_distance_m
     """Maximum distance between two legs; 0: nobody walks here [m]."""
-    least_intensity: Bounded = 0.0
+    least_intensity: Bounded = struct.least_intensity
     """Minimum intensity of the brightest beam; 0: any intensity."""
 
     @model_validator(mode="after")
@@ -267,53 +316,58 @@ class Cylinders(Strict):
 class LandmarkSlam(Strict):
     """How `landmark_slam` maps; with `estimator`, ``LandmarkEkfConfig`` in C++."""
 
-    fixed: ClassVar = {"confirm_within_s": 2.0}
+    struct: ClassVar = _core.LandmarkEkfConfig()
+    fixed: ClassVar = ("confirm_within_s",)
 
     use_map: bool = True
     """Take the landmarks of the log as known and exact; false: all are mapped."""
-    gate_new: GateProbability = 0.999999
+    gate_new: GateProbability = struct.gate_new
     """Probability that a good sighting passes a wider gate, outside of which it is of a new
-    landmark; between the two gates it is rejected. At least `gate_landmark`.
+    landmark; between the two gates it is rejected. At least `landmark.gate`.
     """
-    min_sightings: Annotated[int, Field(ge=1, le=10**9)] = 3
+    min_sightings: Annotated[int, Field(ge=1, le=10**9)] = struct.min_sightings
     """Number of sightings that confirm a landmark without a name."""
-    max_landmarks: Annotated[int, Field(ge=0, le=10**6)] = 500
+    max_landmarks: Annotated[int, Field(ge=0, le=10**6)] = struct.max_landmarks
     """Maximum number of landmarks that are mapped."""
 
 
 class TagVelocity(Strict):
     """Noise of the velocities that odometry gives tags; ``VelocityConfig`` in C++."""
 
-    sigma_forward_mps: NonNegative = 0.02
+    struct: ClassVar = _core.VelocityConfig()
+
+    sigma_forward_mps: NonNegative = struct.sigma_forward_mps
     """Forward speed of the wheels, common to all tags [m/s]."""
-    sigma_lateral_mps: NonNegative = 0.01
+    sigma_lateral_mps: NonNegative = struct.sigma_lateral_mps
     """Speed to the side, common to all tags [m/s]."""
-    sigma_turn_rate_radps: NonNegative = 0.02
+    sigma_turn_rate_radps: NonNegative = struct.sigma_turn_rate_radps
     """Turn rate of the wheels, common to all tags [rad/s]."""
-    sigma_point_mps: Positive = 0.01
+    sigma_point_mps: Positive = struct.sigma_point_mps
     """Of each tag and axis by itself [m/s]."""
+    gate: GateProbability = struct.gate
+    """Probability that good odometry passes its gate; 1: no gate."""
 
 
 class TagTriangle(Strict):
     """What `tag_triangle` needs; with `estimator`, ``TagTriangleEkfConfig`` in C++."""
 
-    fixed: ClassVar = {"sigma_start_velocity_mps": 0.5, "gate_side": 1.0}
+    struct: ClassVar = _core.TagTriangleEkfConfig()
+    fixed: ClassVar = ("sigma_start_velocity_mps",)
+    renamed: ClassVar = {"gate_velocity": (0.999, "velocity.gate")}
 
     shape: Literal["soft", "rigid"] = "soft"
     """`soft`: the 12 states of the paper, with the sides of the triangle as measurements; `rigid`:
     one body on which the tags are lever arms, as `kind: pose` with the noise of `odometry`, and
     none of the keys below.
     """
-    sigma_velocity_per_sqrt_s: Positive = 0.2
+    sigma_velocity_per_sqrt_s: Positive = struct.motion.sigma_velocity_per_sqrt_s
     """White acceleration of each tag [m/s/√s]."""
     velocity: TagVelocity = Field(default_factory=TagVelocity)
     """Noise of the tags' velocities by odometry."""
-    sigma_side_m: Annotated[float, Field(ge=1e-4, le=1e6)] = 0.005
+    sigma_side_m: Annotated[float, Field(ge=1e-4, le=1e6)] = struct.side.sigma_m
     """Sigma of the sides of the triangle [m]."""
-    heading_is_known: bool = False
+    heading_is_known: bool = struct.heading_is_known
     """Turn odometry into the world by a heading without error, as in the paper."""
-    gate_velocity: GateProbability = 0.999
-    """Probability that good odometry passes its gate; 1: no gate."""
 
     @model_validator(mode="after")
     def _rigid_has_no_more(self) -> TagTriangle:
@@ -327,42 +381,44 @@ class TagTriangle(Strict):
 class ConstantVelocity(Strict):
     """Motion that nobody measures; ``ConstantVelocityConfig`` in C++."""
 
-    sigma_velocity_per_sqrt_s: Positive = 1.0
+    struct: ClassVar = _core.ConstantVelocityConfig()
+
+    sigma_velocity_per_sqrt_s: Positive = struct.sigma_velocity_per_sqrt_s
     """White acceleration along x and y [m/s/√s]."""
-    sigma_climb_per_sqrt_s: Positive = 0.5
+    sigma_climb_per_sqrt_s: Positive = struct.sigma_climb_per_sqrt_s
     """White acceleration upwards [m/s/√s]."""
-    sigma_heading_per_sqrt_s: Positive = 0.5
+    sigma_heading_per_sqrt_s: Positive = struct.sigma_heading_per_sqrt_s
     """Random walk of the heading [rad/√s]."""
 
 
 class Air(Strict):
     """What `air` needs; with `estimator`, ``AirEkfConfig`` in C++."""
 
-    fixed: ClassVar = {"sigma_lost_height_per_sqrt_s": 0.5, "sigma_start_velocity_mps": 1.0,
-             "sigma_start_climb_mps": 0.5}  # fmt: skip
+    struct: ClassVar = _core.AirEkfConfig()
+    fixed: ClassVar = ("sigma_lost_height_per_sqrt_s", "sigma_start_velocity_mps",
+                       "sigma_start_climb_mps")  # fmt: skip
+    renamed: ClassVar = {"gate_altitude": (0.999, "altitude.gate")}
 
     motion: Literal["odometry", "constant_velocity"] = "constant_velocity"
     """What carries the body: odometry in the plane, or its velocity, where nobody measures it."""
     constant_velocity: ConstantVelocity = Field(default_factory=ConstantVelocity)
     """How the velocity changes; for `constant_velocity`."""
-    sigma_height_per_sqrt_s: DriftSigma = 0.1
+    sigma_height_per_sqrt_s: DriftSigma = struct.sigma_height_per_sqrt_s
     """Random walk of the height; for `odometry` [m/√s]."""
     start_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
     """Height at the start; with `start: truth` that of the reference, if it has one [m]."""
     sigma_start_height_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.3
     """Sigma of that height [m]."""
-    min_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = -1e9
+    min_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.min_height_m
     """Floor of the room: the body's origin is [above it](air.md#vague-beliefs) [m]."""
-    max_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 1e9
+    max_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.max_height_m
     """Ceiling of the room [m]."""
-    sensor_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    sensor_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.landmark_in_space.sensor_up_m
     """Height of the landmark sensor over the body's origin [m]."""
-    sigma_elevation_rad: Positive = 0.02
+    sigma_elevation_rad: Positive = struct.landmark_in_space.sigma_elevation_rad
     """Sigma of an elevation without a sigma of its own [rad]."""
     altitude: Altitude = Field(default_factory=Altitude)
-    """Altimeter position in body and sigma of altitudes."""
-    gate_altitude: GateProbability = 0.999
-    """Probability that a good altitude passes its gate; 1: no gate."""
+    """Altimeter: place in body, sigma, gate and latency."""
 
     @model_validator(mode="after")
     def _has_a_room(self) -> Air:
@@ -379,38 +435,43 @@ class Air(Strict):
 class ScanOdometry(Strict):
     """Odometry from scans; ``LocalMapConfig`` in C++."""
 
-    sigma_range_m: Annotated[float, Field(ge=1e-6, le=10.0)] = 0.01
+    struct: ClassVar = _core.LocalMapConfig()
+
+    sigma_range_m: Annotated[float, Field(ge=1e-6, le=10.0)] = struct.sigma_range_m
     """Range noise of one beam [m]."""
 
 
 class Imu(Strict):
     """Gyro and wheels together; ``GyroOdometryConfig`` in C++."""
 
-    fixed: ClassVar = {"sigma_bias_radps_per_sqrt_s": 1e-4, "sigma_scale": 0.01,
-             "sigma_turn_scale": 0.05}  # fmt: skip
+    struct: ClassVar = _core.GyroOdometryConfig()
+    fixed: ClassVar = ("sigma_bias_radps_per_sqrt_s", "sigma_scale", "sigma_turn_scale")
 
     turn: Literal["weighted", "average"] = "weighted"
     """Turn by wheels and gyro: by their variances, or the mean of both, as zhang has it."""
-    sigma_turn_per_sqrt_s: Positive = 0.002
+    sigma_turn_per_sqrt_s: Positive = struct.sigma_turn_per_sqrt_s
     """White noise of the gyro: heading error after a second [rad/√s]."""
-    sigma_bias_radps: Positive = 0.02
+    sigma_bias_radps: Positive = struct.sigma_bias_radps
     """Sigma of the gyro's bias at the start [rad/s]."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
 
 
 class TagConditioner(Strict):
     """What is done to fixes of tags before they are fused; ``TagConditioner::Config`` in C++."""
 
-    fixed: ClassVar = {"restart_after": 5, "frozen_motion_m": 0.1, "hold_s": 1.0}
+    struct: ClassVar = _core.TagConditionerConfig()
+    fixed: ClassVar = ("restart_after", "frozen_motion_m", "hold_s")
 
-    cutoff_hz: Bounded = 0.4
+    cutoff_hz: Bounded = struct.cutoff_hz
     """Cut-off of the low-pass; 0: none, as the estimator smooths better [Hz]."""
-    bias_x_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    bias_x_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.bias_x_m
     """Bias along x that is subtracted from each fix, in world [m]."""
-    bias_y_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    bias_y_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.bias_y_m
     """The same along y [m]."""
-    max_speed_mps: Positive = 1.4
+    max_speed_mps: Positive = struct.max_speed_mps
     """Maximum speed of a tag [m/s]."""
-    jump_margin_m: Positive = 0.8
+    jump_margin_m: Positive = struct.jump_margin_m
     """A fix is rejected that is farther from the last than this beyond the distance at that speed:
     four sigmas of their difference [m].
     """
@@ -419,7 +480,12 @@ class TagConditioner(Strict):
 class Estimator(Strict):
     """An EKF: its kind, and its settings; ``PoseEkfConfig`` in C++ for `pose`."""
 
-    fixed: ClassVar = {"robust_dof": 4.0, "robust_late_share": 0.05}
+    struct: ClassVar = _core.PoseEkfConfig()
+    fixed: ClassVar = ("robust_dof", "robust_late_share")
+    renamed: ClassVar = {
+        **{f"gate_{of}": (0.999, f"{of}.gate") for of in ("range", "position", "pose", "landmark")},
+        **{f"robust_{of}": ("gaussian", f"{of}.noise") for of in ("range", "position", "pose")},
+    }
 
     kind: Kind = "pose"
     """Estimator. `pose`: of position and heading; `landmark_slam`: [maps landmarks while it
@@ -427,42 +493,28 @@ class Estimator(Strict):
     tags](models/tag_triangle_ekf.md); `air`: [position, heading and height](air.md).
     """
     odometry: Odometry = Field(default_factory=Odometry)
-    """Noise of odometry."""
+    """Noise and latency of odometry."""
     range: Range = Field(default_factory=Range)
-    """Noise of ranges."""
+    """Noise, gate and latency of ranges."""
     position: Position = Field(default_factory=Position)
-    """Antenna position in body and sigmas of position fixes."""
+    """Antenna position in body; sigmas, gate and latency of position fixes."""
     pose: Pose = Field(default_factory=Pose)
-    """Sigmas of poses."""
+    """Sigmas, gate and latency of poses."""
     landmark: Landmark = Field(default_factory=Landmark)
-    """Noise of landmark observations."""
+    """Noise, gate and latency of landmark observations."""
     calibration: Calibration = Field(default_factory=Calibration)
     """Calibration errors that are estimated during the run."""
     limits: Limits = Field(default_factory=Limits)
     """Physical limits of robot and sensors."""
     adaptive: Adaptive = Field(default_factory=Adaptive)
     """Variances that adapt to the innovations."""
-    gate_range: GateProbability = 0.999
-    """Probability that a good range passes its gate; 1: no gate."""
-    gate_position: GateProbability = 0.999
-    """Probability that a good position fix passes its gate; 1: no gate."""
-    gate_pose: GateProbability = 0.999
-    """Probability that a good pose passes its gate; 1: no gate."""
-    gate_landmark: GateProbability = 0.999
-    """Probability that a good landmark observation passes its gate; 1: no gate."""
-    robust_range: Literal["gaussian", "one_sided", "student_t", "cauchy"] = "gaussian"
-    """Noise distribution of ranges: [Robust updates](models/robust.md)."""
-    robust_position: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
-    """Noise distribution of position fixes."""
-    robust_pose: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
-    """Noise distribution of poses."""
-    correlation_s: NonNegative = 10.0
+    correlation_s: NonNegative = struct.correlation_s
     """How long errors of a source stay; which part does is learnt. 0: they are independent [s]."""
-    hold_s: Positive = 1.0
+    hold_s: Positive = struct.hold_s
     """Odometry timeout: the last motion is extrapolated for this time [s]."""
-    sigma_lost_xy_per_sqrt_s: LostSigma = 0.5
+    sigma_lost_xy_per_sqrt_s: LostSigma = struct.sigma_lost_xy_per_sqrt_s
     """Position process noise after the odometry timeout, or where there never is any [m/√s]."""
-    sigma_lost_heading_per_sqrt_s: LostSigma = 0.5
+    sigma_lost_heading_per_sqrt_s: LostSigma = struct.sigma_lost_heading_per_sqrt_s
     """Heading process noise after the odometry timeout [rad/√s]."""
     landmark_slam: LandmarkSlam = Field(default_factory=LandmarkSlam)
     """Settings of `landmark_slam` alone."""
@@ -479,9 +531,10 @@ class Estimator(Strict):
 
     @model_validator(mode="after")
     def _settings_of_the_kind(self) -> Estimator:
+        plain = type(self).model_construct()
         for key in LEFT_OUT[self.kind]:
-            default = type(self).model_fields[key].get_default(call_default_factory=True)
-            if getattr(self, key) != default:
+            value = attrgetter(key)
+            if value(self) != value(plain):
                 of = "pose" if key in _OF_POSE else key
                 raise ValueError(f"{key} is set, but it belongs to kind {of!r}, and kind is "
                                  f"{self.kind!r}; remove it, or change kind")  # fmt: skip
@@ -493,9 +546,9 @@ class Estimator(Strict):
 
     @model_validator(mode="after")
     def _new_is_wider(self) -> Estimator:
-        if self.kind == "landmark_slam" and self.landmark_slam.gate_new < self.gate_landmark:
+        if self.kind == "landmark_slam" and self.landmark_slam.gate_new < self.landmark.gate:
             raise ValueError(f"landmark_slam.gate_new is {self.landmark_slam.gate_new} and "
-                             f"gate_landmark is {self.gate_landmark}; expected gate_landmark <= "
+                             f"landmark.gate is {self.landmark.gate}; expected landmark.gate <= "
                              "gate_new")  # fmt: skip
         return self
 
@@ -522,69 +575,73 @@ def ignored_by(estimator: Estimator) -> dict[Message, str]:
 class Health(Strict):
     """Monitor of how far an estimate may be trusted; ``HealthConfig`` in C++."""
 
-    fixed: ClassVar = {"mean_s_between_losses": 14400.0, "wrong_share": 0.02,
-             "wrong_span_m": 20.0, "chance_share": 0.4, "faulty_share": 0.1,
-             "faulty_share_unnamed": 1e-06, "faulty_s": 10.0, "exclude_above": 0.999,
-             "probability_lost": 0.5, "probability_found": 0.1, "doubt_s": 0.5,
-             "invalid_s": 60.0}  # fmt: skip
+    struct: ClassVar = _core.HealthConfig()
+    fixed: ClassVar = ("mean_s_between_losses", "wrong_share", "wrong_span_m", "chance_share",
+                       "faulty_share", "faulty_share_unnamed", "faulty_s", "exclude_above",
+                       "probability_lost", "probability_found", "doubt_s", "invalid_s")  # fmt: skip
 
-    limit_m: Positive = 1.0
+    limit_m: Positive = struct.limit_m
     """Position error whose probability `within` reports [m]."""
-    risk: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.01
+    risk: Annotated[float, Field(gt=0.0, lt=0.5)] = struct.risk
     """Probability that an error exceeds its protection level."""
-    aiding_lost_s: Positive = 2.0
+    aiding_lost_s: Positive = struct.aiding_lost_s
     """Time without a fused measurement until the state is dead reckoning [s]."""
 
 
 class Initializer(Strict):
     """What a start from nothing asks for; ``InitializerConfig`` in C++."""
 
-    fixed: ClassVar = {"epoch_s": 0.2, "headings": 36, "wrong_share": 0.01, "wrong_span_m": 20.0,
-             "spacing_m": 0.2, "spacing_heading_rad": 0.35, "standing_ranges": 10}  # fmt: skip
+    struct: ClassVar = _core.InitializerConfig()
+    fixed: ClassVar = ("epoch_s", "headings", "wrong_share", "wrong_span_m", "spacing_m",
+                       "spacing_heading_rad", "standing_ranges")  # fmt: skip
 
-    sigma_map_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = 0.03
+    sigma_map_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = struct.sigma_map_m
     """Position uncertainty of the map relative to the anchors [m]."""
-    sigma_map_rad: Annotated[float, Field(gt=0.0, lt=10.0)] = 0.02
+    sigma_map_rad: Annotated[float, Field(gt=0.0, lt=10.0)] = struct.sigma_map_rad
     """Heading uncertainty of the map relative to the anchors [rad]."""
-    probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
+    probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = struct.probability_ready
     """Minimum probability of the pose for `ready`."""
-    sigma_xy_ready_m: Positive = 0.5
+    sigma_xy_ready_m: Positive = struct.sigma_xy_ready_m
     """Maximum position sigma for `ready`, or that of the best fix where it is larger [m]."""
-    sigma_heading_ready_rad: Positive = 0.087
+    sigma_heading_ready_rad: Positive = struct.sigma_heading_ready_rad
     """Maximum heading sigma for `ready` [rad]."""
 
 
 class LikelihoodField(Strict):
     """Where beams end; ``LikelihoodFieldConfig`` in C++, with the defaults of ``MclConfig``."""
 
-    sigma_hit_m: Annotated[float, Field(gt=1e-6, lt=1000.0)] = 0.05
+    struct: ClassVar = _core.MclConfig().field
+
+    sigma_hit_m: Annotated[float, Field(gt=1e-6, lt=1000.0)] = struct.sigma_hit_m
     """Minimum sigma of a return about its wall [m]."""
-    random_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = 0.05
+    random_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = struct.random_share
     """Fraction of the returns that end anywhere."""
-    max_range_m: Annotated[float, Field(gt=1e-3, lt=10_000.0)] = 30.0
+    max_range_m: Annotated[float, Field(gt=1e-3, lt=10_000.0)] = struct.max_range_m
     """Maximum range of a return that is used [m]."""
-    clutter_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
+    clutter_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = struct.clutter_per_m
     """Density of returns in free space, from people and objects off the map [1/m]."""
-    unknown_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.002
+    unknown_per_m: Annotated[float, Field(ge=0.0, le=1e6)] = struct.unknown_per_m
     """Density of returns in unknown space [1/m]."""
 
 
 class BeamModel(Strict):
     """How far beams go; ``BeamModelConfig`` in C++."""
 
-    hit: Probability = 0.8
+    struct: ClassVar = _core.BeamModelConfig()
+
+    hit: Probability = struct.hit
     """Weight of readings near the range that the map predicts."""
-    shorter: Probability = 0.1
+    shorter: Probability = struct.shorter
     """Weight of readings of objects off the map."""
-    maximum: Probability = 0.05
+    maximum: Probability = struct.maximum
     """Weight of beams without a return."""
-    random: Probability = 0.05
+    random: Probability = struct.random
     """Weight of readings anywhere."""
-    sigma_hit_m: Annotated[float, Field(ge=1e-6, le=1000.0)] = 0.1
+    sigma_hit_m: Annotated[float, Field(ge=1e-6, le=1000.0)] = struct.sigma_hit_m
     """Sigma of a reading about the range that the map predicts [m]."""
-    shorter_per_m: Annotated[float, Field(ge=1e-6, le=1e6)] = 0.5
+    shorter_per_m: Annotated[float, Field(ge=1e-6, le=1e6)] = struct.shorter_per_m
     """Rate at which a beam meets objects off the map [1/m]."""
-    max_range_m: Annotated[float, Field(ge=1e-3, le=10_000.0)] = 30.0
+    max_range_m: Annotated[float, Field(ge=1e-3, le=10_000.0)] = struct.max_range_m
     """Readings beyond this count as no return [m]."""
 
     @model_validator(mode="after")
@@ -597,34 +654,36 @@ class BeamModel(Strict):
 class Switch(Strict):
     """When UWB takes over from scans; ``SwitchingMclConfig`` in C++."""
 
-    sigma_unsure_m: Positive = 0.5
+    struct: ClassVar = _core.SwitchingMclConfig()
+
+    sigma_unsure_m: Positive = struct.sigma_unsure_m
     """Position sigma of the particles, along the largest axis, above which scans are suspect [m].
     """
-    sigma_sure_m: Positive = 0.3
+    sigma_sure_m: Positive = struct.sigma_sure_m
     """Position sigma below which they no longer are; at most `sigma_unsure_m` [m]."""
-    sigma_unsure_rad: Positive = 0.35
+    sigma_unsure_rad: Positive = struct.sigma_unsure_rad
     """Heading sigma of the particles above which scans are suspect [rad]."""
-    sigma_sure_rad: Positive = 0.2
+    sigma_sure_rad: Positive = struct.sigma_sure_rad
     """Heading sigma below which they no longer are; at most `sigma_unsure_rad` [rad]."""
-    elsewhere_m: Positive = 1.0
+    elsewhere_m: Positive = struct.elsewhere_m
     """Scans are suspect if the particles are farther from the UWB pose than this and three sigmas
     [m].
     """
-    elsewhere_rad: Positive = 0.5
+    elsewhere_rad: Positive = struct.elsewhere_rad
     """The same for the heading [rad]."""
-    doubt_s: Positive = 2.0
+    doubt_s: Positive = struct.doubt_s
     """Time for which scans must be suspect until UWB takes over [s]."""
-    uwb_sigma_m: Positive = 0.25
+    uwb_sigma_m: Positive = struct.uwb_sigma_m
     """Maximum position sigma of a UWB pose that is used; at most `sigma_sure_m` [m]."""
-    uwb_sigma_rad: Positive = 0.2
+    uwb_sigma_rad: Positive = struct.uwb_sigma_rad
     """Maximum heading sigma of a UWB pose that is used; at most `sigma_sure_rad` [rad]."""
-    uwb_age_s: Positive = 2.5
+    uwb_age_s: Positive = struct.uwb_age_s
     """Maximum time since the last fused range or position for a UWB pose that is used [s]."""
-    uwb_nis: Positive = 1.4
+    uwb_nis: Positive = struct.uwb_nis
     """Maximum mean NIS per row of about the last 50 ranges or positions for a UWB pose that is
     used.
     """
-    share: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    share: Annotated[float, Field(gt=0.0, le=1.0)] = struct.share
     """Fraction of the particles that are replaced."""
 
     @model_validator(mode="after")
@@ -656,11 +715,11 @@ class Mcl(Strict):
     `initializer`, which rescues the particles.
     """
 
-    fixed: ClassVar = {"kld_error": 0.05, "kld_quantile": 2.33, "effective_share": 0.2,
-             "outlier_share": 0.01, "resample_below": 0.5, "most_drop": 1.5,
-             "min_explained": 0.75, "scouts": 64, "scout_draws": 20000,
-             "most_gain": 2.0, "sigma_lost_xy_per_sqrt_s": 0.5,
-             "sigma_lost_heading_per_sqrt_s": 0.5, "bin_m": 0.5, "bin_headings": 24}  # fmt: skip
+    struct: ClassVar = _core.MclConfig()
+    fixed: ClassVar = ("kld_error", "kld_quantile", "effective_share", "outlier_share",
+                       "resample_below", "most_drop", "min_explained", "scouts", "scout_draws",
+                       "most_gain", "sigma_lost_xy_per_sqrt_s", "sigma_lost_heading_per_sqrt_s",
+                       "bin_m", "bin_headings")  # fmt: skip
     renamed: ClassVar = {"refine_up_to": (0, "proposal: scan_match")}
 
     poses_hz: Rate | None = None
@@ -669,43 +728,47 @@ class Mcl(Strict):
     """
     switch: Switch | None = None
     """Ranges and positions do not weight particles, but relocalize them; also as `switch: {}`."""
-    min_particles: Annotated[int, Field(ge=1, le=2**28)] = 500
+    min_particles: Annotated[int, Field(ge=1, le=2**28)] = struct.min_particles
     """Minimum number of particles."""
-    max_particles: Annotated[int, Field(ge=1, le=2**28)] = 5000
+    max_particles: Annotated[int, Field(ge=1, le=2**28)] = struct.max_particles
     """Maximum number of particles, used while searching; at least `min_particles`."""
-    beams: Annotated[int, Field(ge=1, le=100_000)] = 60
+    beams: Annotated[int, Field(ge=1, le=100_000)] = struct.beams
     """Number of returns of a scan that are used, evenly spaced."""
-    independent_beams: Annotated[float, Field(ge=1e-3, le=1e6)] = 10.0
+    independent_beams: Annotated[float, Field(ge=1e-3, le=1e6)] = struct.independent_beams
     """Number of independent beams that they count as, since neighbours share errors of the map."""
-    independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = 2.0
+    independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = (
+        struct.independent_beams_searching
+    )
     """Number of independent beams while several hypotheses remain: fewer discard none early."""
     proposal: Literal["odometry", "scan_match", "line_ekf", "line_ekf_paper"] = "odometry"
     """Where particles of a tracked robot [are drawn](models/mcl.md#drawing-where-the-scan-says):
     where odometry says, or also one match of the scan, or for each particle the lines it sees.
     """
-    spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.1
+    spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = struct.spacing_m
     """Minimum distance driven between two scans that are used [m]."""
-    spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = 0.05
+    spacing_heading_rad: Annotated[float, Field(ge=0.0, le=1e6)] = struct.spacing_heading_rad
     """Minimum angle turned between two scans that are used [rad]."""
-    kidnapping_probability: Annotated[float, Field(ge=0.0, le=0.5)] = 1e-4
+    kidnapping_probability: Annotated[float, Field(ge=0.0, le=0.5)] = struct.kidnapping_probability
     """Prior probability of kidnapping, which a recovery particle must outweigh."""
-    probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = 0.999
+    probability_ready: Annotated[float, Field(ge=0.5, le=1.0)] = struct.probability_ready
     """Minimum probability of the best hypothesis for `ready`."""
-    sigma_xy_ready_m: Annotated[float, Field(ge=0.0, le=1e6)] = 0.5
+    sigma_xy_ready_m: Annotated[float, Field(ge=0.0, le=1e6)] = struct.sigma_xy_ready_m
     """Maximum position sigma for `ready` [m]."""
-    sigma_heading_ready_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.17
+    sigma_heading_ready_rad: Annotated[float, Field(ge=0.0, le=10.0)] = (
+        struct.sigma_heading_ready_rad
+    )
     """Maximum heading sigma for `ready` [rad]."""
-    sigma_map_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.03
+    sigma_map_m: Annotated[float, Field(ge=0.0, le=1000.0)] = struct.sigma_map_m
     """Position uncertainty of the map, which scans cannot reduce [m]."""
-    sigma_map_rad: Annotated[float, Field(ge=0.0, le=10.0)] = 0.005
+    sigma_map_rad: Annotated[float, Field(ge=0.0, le=10.0)] = struct.sigma_map_rad
     """Heading uncertainty of the map, which scans cannot reduce [rad]."""
     seed: Annotated[int, Field(ge=0, lt=2**64)] | None = None
     """Seed of the particle filter; default: the seed of the run."""
-    threads: Annotated[int, Field(ge=1, le=256)] = 1
+    threads: Annotated[int, Field(ge=1, le=256)] = struct.threads
     """Number of threads; results do not depend on it."""
     field: LikelihoodField = Field(default_factory=LikelihoodField)
     """Likelihood field: where beams end."""
-    sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.4
+    sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = struct.sigma_widest_m
     """Maximum `sigma_hit_m` that is tried; the one that fits is used [m]."""
     likelihood: Literal["field", "beams", "zhang"] = "field"
     """Likelihood of a scan: [where beams end](models/likelihood_field.md), or [how far they
@@ -860,8 +923,6 @@ class RunConfig(Strict):
     """Maximum lateness of a message that is still fused at its stamp [s]."""
     history_messages: Annotated[int, Field(ge=512, le=1_000_000_000)] = 100_000
     """Maximum number of messages kept for late ones."""
-    delays_s: dict[Source, Annotated[float, Field(ge=0.0, le=3600.0)]] = Field(default_factory=dict)
-    """Constant latency of a source, subtracted from each of its stamps [s]."""
     clock_jump: Literal["refuse", "reset", "continue"] = "refuse"
     """When [the clock goes back](filter.md#a-clock-that-goes-back): reject messages as stale, start
     again, or continue from the same pose.
@@ -870,6 +931,17 @@ class RunConfig(Strict):
     """Intervals in which a source is switched off."""
     ros: Ros = Field(default_factory=Ros)
     """Topics and frames of a ROS robot."""
+
+    renamed: ClassVar = {"delays_s": ({}, "latency_s of the sensor, as estimator.range.latency_s")}
+
+    @property
+    def latency_s(self) -> dict[Source, float]:
+        """Constant latency of each source."""
+        of = self.estimator
+        return {"odometry": of.odometry.latency_s, "ranges": of.range.latency_s,
+                "positions": of.position.latency_s, "poses": of.pose.latency_s,
+                "landmark_sightings": of.landmark.latency_s,
+                "altitudes": of.air.altitude.latency_s, "imu": self.imu.latency_s}  # fmt: skip
 
     @property
     def searches_start(self) -> bool:
@@ -967,8 +1039,8 @@ class RunConfig(Strict):
                               ("switched_off", self.switched_off),
                               ("cylinders, whose sightings have no names", self.cylinders),
                               ("estimator.adaptive", self.estimator.adaptive.messages),
-                              ("estimator.robust_range one_sided",
-                               self.estimator.robust_range == "one_sided")):  # fmt: skip
+                              ("estimator.range.noise one_sided",
+                               self.estimator.range.noise == "one_sided")):  # fmt: skip
             if self.smooth and is_there:
                 raise ValueError(f"smooth does not go with {key}; remove one of the two")
         return self

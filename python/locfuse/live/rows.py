@@ -50,7 +50,7 @@ class Rows:
             for names in (self.anchor_names, self.tag_names, self.landmark_names)
         ]
         self._delay_ns: dict[str, int] = {
-            s: round(config.delays_s.get(s, 0.0) * NANOSECONDS) for s in USABLE
+            s: round(config.latency_s[s] * NANOSECONDS) for s in USABLE
         }
         self._flies = config.estimator.kind == "air"
         self._odometry_ns: int | None = None

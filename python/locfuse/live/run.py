@@ -226,7 +226,7 @@ class LiveRun:
             return _core.Verdict.IGNORED
         message = self.names.message(source, row)
         if self._scan_drive is not None and isinstance(message, _core.Velocity | _core.Increment):
-            self._scan_drive.on_wheels(message)
+            self._scan_drive.on(message)
             return _core.Verdict.IGNORED
         return self._on_message(message)
 
@@ -246,7 +246,7 @@ class LiveRun:
         if "scans" in self._disabled:
             return _core.Verdict.IGNORED
         if self._scan_drive is not None and "odometry" in self.config.use:
-            motion = self._scan_drive.on_scan(scan)
+            motion = self._scan_drive.on(scan)
             if motion is not None and "odometry" not in self._disabled:
                 self._on_message(motion)
         if self._cylinders is not None:

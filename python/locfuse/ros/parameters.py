@@ -85,7 +85,7 @@ def parameters(config: RunConfig) -> list[Parameter]:
     Examples
     --------
     >>> found = {p.name: p for p in parameters(RunConfig())}
-    >>> found["estimator.gate_range"].value, found["estimator.gate_range"].high
+    >>> found["estimator.range.gate"].value, found["estimator.range.gate"].high
     (0.999, 1.0)
     """
     return list(_of_model(RunConfig, config, ""))
@@ -107,11 +107,11 @@ def config_of(
 
     Examples
     --------
-    >>> config_of({"estimator.gate_range": 0.99}).estimator.gate_range
+    >>> config_of({"estimator.range.gate": 0.99}).estimator.range.gate
     0.99
-    >>> config_of({"estimator.gate_rnge": 0.99})  # doctest: +ELLIPSIS
+    >>> config_of({"estimator.hold": 0.99})  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    locfuse.types.ConfigError: parameters: estimator: unknown key 'gate_rnge'; did you mean ...
+    locfuse.types.ConfigError: parameters: estimator: unknown key 'hold'; did you mean ...
     """
     nested: dict[str, Any] = {}
     if path is not None:

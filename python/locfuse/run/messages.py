@@ -52,7 +52,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     Raises LogError where nothing is left to fuse, or ranges come without anchors or tags.
     """
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
-        source: _undelayed(source, log[source], config.delays_s.get(source, 0.0))
+        source: _undelayed(source, log[source], config.latency_s[source])
         for source in SOURCES
         if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }

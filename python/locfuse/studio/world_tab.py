@@ -138,7 +138,7 @@ class WorldTab:
                     "health"])  # fmt: skip
             with self._section("Delivery"):
                 forms.fields(schema.RunConfig, (), ["history_s", "history_messages", "clock_jump",
-                                                    "delays_s", "switched_off"])  # fmt: skip
+                                                    "switched_off"])  # fmt: skip
 
     def _section(self, name: str, *, open_: bool = False) -> Any:
         box = ui.expansion(name, value=open_).classes("st-section")

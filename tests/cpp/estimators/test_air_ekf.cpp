@@ -29,7 +29,7 @@ AirEstimate start_at(const Pose2& pose, double height) {
 
 AirEkf flying(AirMotion motion = AirMotion::kOdometry) {
   AirEkf::Config config = testing::well_informed(motion);
-  config.gate_range = config.gate_landmark = config.gate_altitude = 0.999;
+  config.range.gate = config.landmark.gate = config.altitude.gate = 0.999;
   return testing::air_ekf(config, start_at({1.0, 2.0, 0.5}, 3.0));
 }
 
@@ -305,7 +305,7 @@ TEST(AirEkf, refuses_settings_and_starts_that_are_none) {
   refused([](AirEkf::Config& c) { c.altitude.altimeter_up_m = kNan; }, "altimeter_up_m");
   refused([](AirEkf::Config& c) { c.landmark_in_space.sigma_elevation_rad = 0.0; }, "elevation");
   refused([](AirEkf::Config& c) { c.constant_velocity.sigma_climb_per_sqrt_s = 0.0; }, "climb");
-  refused([](AirEkf::Config& c) { c.gate_altitude = 0.0; }, "0");
+  refused([](AirEkf::Config& c) { c.altitude.gate = 0.0; }, "0");
   AirEstimate wrong = start;
   wrong.height = kNan;
   expect_refused([&] { (void)testing::air_ekf({}, wrong); }, "height", "nan");

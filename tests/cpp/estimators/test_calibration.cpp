@@ -44,7 +44,7 @@ PoseEkf::Config config_of(const Calibration::Config& calibration) {
   config.correlation_s = 0.0;  // its errors are independent
   config.odometry = {0.02, 0.02, 0.02, 0.02, 0.0, 0.0};
   config.landmark = {0.02, 0.01};
-  config.gate_landmark = 1.0;
+  config.landmark.gate = 1.0;
   config.calibration = calibration;
   return config;
 }
@@ -198,7 +198,7 @@ PoseEkf driven(Robot& robot) {
 TEST(Calibration, a_message_that_is_not_fused_changes_no_bit) {
   Robot robot(4);
   PoseEkf::Config config = config_of(everything());
-  config.gate_landmark = 0.99;
+  config.landmark.gate = 0.99;
   PoseEkf ekf = started(config);
   ekf.on(Increment{0, kStep, robot.drive(0)});
   ekf.on(robot.see(posts()->landmarks()[0], kStep));

@@ -27,7 +27,7 @@ PoseEkf::Config config_of(double offset, double scale, double delay) {
   config.correlation_s = 0.0;  // its errors are independent
   config.odometry = {0.02, 0.02, 0.02, 0.02, 0.0, 0.0};
   config.range.sigma_m = 0.05;
-  config.gate_range = 1.0;
+  config.range.gate = 1.0;
   config.calibration.sigma_anchor_offset_m = offset;
   config.calibration.sigma_anchor_scale = scale;
   config.calibration.sigma_range_delay_s = delay;
@@ -245,7 +245,7 @@ TEST(RangeCalibration, names_each_error_and_whose_it_is) {
 TEST(RangeCalibration, what_is_not_fused_changes_no_bit) {
   Robot robot(2);
   PoseEkf::Config config = everything();
-  config.gate_range = 0.999;
+  config.range.gate = 0.999;
   config.calibration.anchor_offset_correlation_s = 5.0;
   PoseEkf ekf = driven(robot, config, 20);
   const GaussianBelief before = ekf.belief();

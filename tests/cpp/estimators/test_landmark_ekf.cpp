@@ -78,7 +78,7 @@ LandmarkEkf::Config well_informed() {
   LandmarkEkf::Config config;
   config.odometry = {0.01, 0.005, 0.005, 0.005, 0.0, 0.0};
   config.landmark = {kSigmaRange, kSigmaBearing};
-  config.gate_landmark = 1.0;
+  config.landmark.gate = 1.0;
   config.gate_new = 1.0;
   return config;
 }
@@ -230,7 +230,7 @@ TEST(LandmarkEkf, finds_out_by_itself_which_landmark_is_which) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const Loop loop = drive(seed, 1.3);
     LandmarkEkf::Config config = well_informed();
-    config.gate_landmark = 0.999;
+    config.landmark.gate = 0.999;
     config.gate_new = 0.9999999;
     LandmarkEkf ekf(config, testing::sensor_at(kMount), loop.start);
     for (std::size_t i = 0; i < loop.motions.size(); ++i) {
@@ -293,7 +293,7 @@ TEST(LandmarkEkf, is_a_pose_ekf_where_all_landmarks_are_exact) {
     known.push_back({k, tree(k), {}});
   }
   LandmarkEkf::Config config = well_informed();
-  config.gate_landmark = config.gate_new = 0.999;
+  config.landmark.gate = config.gate_new = 0.999;
   PoseEkf::Config same_config;
   same_config.odometry = config.odometry;
   same_config.landmark = config.landmark;
@@ -610,7 +610,7 @@ TEST(LandmarkEkf, refuses_a_config_that_makes_no_sense) {
   refuse([](C& c) { c.confirm_within_s = 0.0; }, "confirm_within_s");
   refuse([](C& c) { c.hold_s = -1.0; }, "hold_s");
   refuse([](C& c) { c.gate_new = 0.5; }, "gate_new is 0.5");
-  refuse([](C& c) { c.gate_landmark = 0.0; }, "0");
+  refuse([](C& c) { c.landmark.gate = 0.0; }, "0");
   refuse([](C& c) { c.landmark.sigma_range_m = 0.0; }, "sigma_range_m");
   refuse([](C& c) { c.sigma_lost_xy_per_sqrt_s = 0.0; }, "sigma_lost_xy_per_sqrt_s");
   expect_refused(
@@ -655,7 +655,7 @@ TEST(LandmarkEkf, a_copy_is_a_snapshot) {
 TEST(LandmarkEkf, late_messages_of_a_replay_are_fused_where_they_belong) {
   const Loop loop = drive(3, 1.0);
   LandmarkEkf::Config config = well_informed();
-  config.gate_landmark = config.gate_new = 0.9999999;
+  config.landmark.gate = config.gate_new = 0.9999999;
   const LandmarkEkf start(config, testing::sensor_at(kMount), loop.start);
   Timeline<LandmarkEkf> in_order(start, kSecond);
   Timeline<LandmarkEkf> late(start, kSecond);

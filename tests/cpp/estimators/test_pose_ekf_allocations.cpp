@@ -50,8 +50,8 @@ TEST(PoseEkf, allocates_nothing_for_robust_updates) {
   const testing::Simulation run = testing::simulate(2, 20.0);
   for (const NoiseKind kind : {NoiseKind::kOneSided, NoiseKind::kStudentT}) {
     PoseEkf::Config config;
-    config.robust_range = kind;
-    config.robust_position = config.robust_pose = NoiseKind::kStudentT;
+    config.range.noise = kind;
+    config.position.noise = config.pose.noise = NoiseKind::kStudentT;
     PoseEkf ekf(config, {testing::hall(), testing::one_tag()}, run.start);
     const std::size_t before = allocations();
     for (const Message& message : run.messages) {

@@ -22,7 +22,7 @@ PoseEkf::Config well_informed() {
   config.correlation_s = 0.0;  // its errors are independent
   config.range.sigma_m = 0.1;
   config.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
-  config.gate_range = 1.0;
+  config.range.gate = 1.0;
   return config;
 }
 

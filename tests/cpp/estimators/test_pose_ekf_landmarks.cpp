@@ -66,7 +66,7 @@ Consistency measure(Parts parts, double factor = 1.0) {
   config.correlation_s = 0.0;  // its errors are independent
   config.odometry = {0.02, 0.02, 0.02, 0.02, 0.0, 0.0};
   config.landmark = {0.05, 0.02};
-  config.gate_landmark = 1.0;
+  config.landmark.gate = 1.0;
   Consistency result;
   const OdometryMotion motion(config.odometry);
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
@@ -136,7 +136,7 @@ TEST(PoseEkf, of_one_landmark_it_never_learns_how_the_world_is_turned) {
   for (const bool is_range_known : {true, false}) {
     const Vector<3> sigma(2.0, 2.0, 1.0);
     PoseEkf::Config config;
-    config.gate_landmark = 1.0;
+    config.landmark.gate = 1.0;
     PoseEkf ekf = ekf_at({0, {0.5, 0.8, 1.4}, sigma.cwiseAbs2().asDiagonal()}, config);
     const double at_first = information_of_turn(ekf, post.position);
     Rng rng(3);

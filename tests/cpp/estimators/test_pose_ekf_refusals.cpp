@@ -100,9 +100,9 @@ TEST(PoseEkf, what_is_too_unlikely_is_gated) {
 
 TEST(PoseEkf, each_kind_of_message_has_its_own_gate) {
   PoseEkf::Config open;
-  open.gate_range = 1.0;
-  open.gate_position = 1.0;
-  open.gate_pose = 1.0;
+  open.range.gate = 1.0;
+  open.position.gate = 1.0;
+  open.pose.gate = 1.0;
   const Range range = range_to(0, kStart, 0, 20.0);
   const PositionFix fix{0, {50.0, 50.0}, kI2};
   const PoseObservation pose{0, {50.0, 50.0, 0.0}, kI3};
@@ -110,15 +110,15 @@ TEST(PoseEkf, each_kind_of_message_has_its_own_gate) {
   EXPECT_EQ(ekf_at(kStart, open).on(fix).verdict, Verdict::kFused);
   EXPECT_EQ(ekf_at(kStart, open).on(pose).verdict, Verdict::kFused);
   PoseEkf::Config config = open;
-  config.gate_range = 0.99;
+  config.range.gate = 0.99;
   EXPECT_EQ(ekf_at(kStart, config).on(range).verdict, Verdict::kGated);
   EXPECT_EQ(ekf_at(kStart, config).on(fix).verdict, Verdict::kFused);
   config = open;
-  config.gate_position = 0.99;
+  config.position.gate = 0.99;
   EXPECT_EQ(ekf_at(kStart, config).on(fix).verdict, Verdict::kGated);
   EXPECT_EQ(ekf_at(kStart, config).on(pose).verdict, Verdict::kFused);
   config = open;
-  config.gate_pose = 0.99;
+  config.pose.gate = 0.99;
   EXPECT_EQ(ekf_at(kStart, config).on(pose).verdict, Verdict::kGated);
   EXPECT_EQ(ekf_at(kStart, config).on(range).verdict, Verdict::kFused);
 }
@@ -189,9 +189,15 @@ TEST(PoseEkf, refuses_a_config_out_of_range) {
   refused(&PoseEkf::Config::hold_s, 0.0, "hold_s");
   refused(&PoseEkf::Config::hold_s, -1.5, "-1.5");
   refused(&PoseEkf::Config::hold_s, std::nan(""), "nan");
-  refused(&PoseEkf::Config::gate_range, 0.0, "gate");
-  refused(&PoseEkf::Config::gate_position, 1.5, "1.5");
-  refused(&PoseEkf::Config::gate_pose, -0.5, "-0.5");
+  PoseEkf::Config gated;
+  for (double* gate :
+       {&gated.range.gate, &gated.position.gate, &gated.pose.gate, &gated.landmark.gate}) {
+    for (const double wrong : {0.0, 1.5, -0.5}) {
+      *gate = wrong;
+      expect_refused([&] { (void)ekf_at(kStart, gated); }, "gate", std::to_string(wrong));
+    }
+    *gate = 1.0;
+  }
   refused(&PoseEkf::Config::sigma_lost_xy_per_sqrt_s, 0.0, "sigma_lost_xy_per_sqrt_s");
   refused(&PoseEkf::Config::sigma_lost_heading_per_sqrt_s, -1.0, "sigma_lost_heading_per_sqrt_s");
 }

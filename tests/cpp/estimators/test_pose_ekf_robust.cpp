@@ -21,8 +21,8 @@ PoseEkf::Config config_of(NoiseKind kind) {
   config.correlation_s = 0.0;  // its errors are independent
   config.range.sigma_m = 0.1;
   config.odometry = {0.03, 0.01, 0.02, 0.03, 0.0, 0.0};
-  config.gate_range = 1.0;
-  config.robust_range = kind;
+  config.range.gate = 1.0;
+  config.range.noise = kind;
   return config;
 }
 
@@ -117,17 +117,17 @@ TEST(RobustPoseEkf, fixes_and_poses_have_tails_of_their_own) {
   const PositionFix wild_fix{0, {30.0, 0.0}, Matrix<2, 2>::Identity()};
   const PoseObservation wild_pose{0, {30.0, 0.0, 0.0}, Matrix<3, 3>::Identity()};
   PoseEkf::Config config;
-  config.gate_position = config.gate_pose = 1.0;
+  config.position.gate = config.pose.gate = 1.0;
   PoseEkf plain = testing::ekf_at({}, config);
   plain.on(wild_fix);
   EXPECT_GT(plain.pose().x, 0.2);
-  config.robust_position = NoiseKind::kStudentT;
+  config.position.noise = NoiseKind::kStudentT;
   PoseEkf of_fix = testing::ekf_at({}, config);
   EXPECT_EQ(of_fix.on(wild_fix).verdict, Verdict::kFused);
   EXPECT_LT(of_fix.pose().x, 0.02);
   of_fix.on(wild_pose);
   EXPECT_GT(of_fix.pose().x, 0.2);
-  config.robust_pose = NoiseKind::kCauchy;
+  config.pose.noise = NoiseKind::kCauchy;
   PoseEkf of_pose = testing::ekf_at({}, config);
   EXPECT_EQ(of_pose.on(wild_pose).verdict, Verdict::kFused);
   EXPECT_LT(of_pose.pose().x, 0.02);
@@ -135,13 +135,13 @@ TEST(RobustPoseEkf, fixes_and_poses_have_tails_of_their_own) {
 
 TEST(RobustPoseEkf, refuses_what_has_no_long_side) {
   PoseEkf::Config config;
-  config.robust_position = NoiseKind::kOneSided;
-  expect_refused([&] { (void)testing::ekf_at({}, config); }, "robust_position is one_sided");
-  config.robust_position = NoiseKind::kGaussian;
-  config.robust_pose = NoiseKind::kOneSided;
-  expect_refused([&] { (void)testing::ekf_at({}, config); }, "robust_pose is one_sided");
-  config.robust_pose = NoiseKind::kGaussian;
-  config.robust_range = NoiseKind::kStudentT;
+  config.position.noise = NoiseKind::kOneSided;
+  expect_refused([&] { (void)testing::ekf_at({}, config); }, "position.noise is one_sided");
+  config.position.noise = NoiseKind::kGaussian;
+  config.pose.noise = NoiseKind::kOneSided;
+  expect_refused([&] { (void)testing::ekf_at({}, config); }, "pose.noise is one_sided");
+  config.pose.noise = NoiseKind::kGaussian;
+  config.range.noise = NoiseKind::kStudentT;
   PoseEkf ekf = testing::ekf_at({}, config);
   expect_refused([&] { ekf.on_joint(std::vector<Range>{testing::range_to(0, {}, 0)}); },
                  "fuse them one by one");
@@ -150,7 +150,7 @@ TEST(RobustPoseEkf, refuses_what_has_no_long_side) {
 // The spread that the fix leaves was a difference of numbers 1e18 times as large.
 TEST(RobustPoseEkf, a_fix_after_an_exact_range_leaves_a_covariance) {
   PoseEkf::Config config;
-  config.robust_position = NoiseKind::kCauchy;
+  config.position.noise = NoiseKind::kCauchy;
   const PoseEkf prototype(config, {testing::hall(), testing::one_tag()},
                           {0, {}, Matrix<3, 3>::Identity()});
   for (double a = -3.0; a < 3.0; a += 0.01) {

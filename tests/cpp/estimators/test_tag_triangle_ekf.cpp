@@ -372,7 +372,7 @@ TEST(TagTriangleEkf, refuses_a_config_out_of_range) {
   expect_refused(with([](Config& c) { c.motion.sigma_velocity_per_sqrt_s = -1.0; }), "motion.");
   expect_refused(with([](Config& c) { c.velocity.sigma_point_mps = 0.0; }), "velocity.");
   expect_refused(with([](Config& c) { c.sigma_start_velocity_mps = 0.0; }), "sigma_start_velocity");
-  expect_refused(with([](Config& c) { c.gate_velocity = 0.0; }), "probability");
+  expect_refused(with([](Config& c) { c.velocity.gate = 0.0; }), "probability");
   expect_refused(with([](Config& c) { c.range.sigma_m = 0.0; }), "range.sigma_m");
   expect_refused(
       [] {

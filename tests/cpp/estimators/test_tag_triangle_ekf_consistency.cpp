@@ -32,8 +32,8 @@ Consistency measure(const Change& change, const TagConditioner::Config* conditio
     // What a tag's velocity does on an eight is not a random walk. With this one the mean NEES of
     // 4,000 other runs is 2.9; with 0.1 it is 2.7, with 0.05 it is 3.4.
     config.motion.sigma_velocity_per_sqrt_s = 0.07;
-    config.gate_position = 1.0;
-    config.gate_velocity = 1.0;
+    config.position.gate = 1.0;
+    config.velocity.gate = 1.0;
     change(config);
     TagTriangleEkf ekf(config, {{}, testing::triangle()}, run.start);
     std::optional<TagConditioner> conditioner;

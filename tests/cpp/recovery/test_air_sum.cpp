@@ -32,7 +32,7 @@ std::vector<Anchor> side_by_side() {
 AirEkf::Config config_of_flight() {
   AirEkf::Config config = testing::well_informed(AirMotion::kConstantVelocity);
   config.correlation_s = 0.0;  // its errors are independent
-  config.gate_range = config.gate_altitude = 0.999;
+  config.range.gate = config.altitude.gate = 0.999;
   return config;
 }
 
@@ -174,7 +174,7 @@ TEST(AirSum, a_flight_by_odometry_is_found_again_though_ranges_come_between_its_
     flight.height = 3.0;
     AirEkf::Config air = testing::well_informed(AirMotion::kOdometry);
     air.correlation_s = 0.0;
-    air.gate_range = 0.999;
+    air.range.gate = 0.999;
     const auto anchors = std::make_shared<AnchorMap>(testing::corners());
     const std::vector<Tag> tags{{0, {0.0, 0.0, -0.1}}};
     RecoveringEkf::Config config;
@@ -213,7 +213,7 @@ TEST(AirSum, a_flight_by_odometry_is_found_again_though_ranges_come_between_its_
 TEST(AirSum, one_range_does_not_stop_the_body_that_drives_on_without_others) {
   const Vector<4> sigma(4.0, 4.0, 0.5, 2.0);
   AirEkf::Config air = testing::well_informed(AirMotion::kOdometry);
-  air.gate_range = 0.999;
+  air.range.gate = 0.999;
   const auto anchors = std::make_shared<AnchorMap>(testing::corners());
   const std::vector<Tag> tags{{0, {0.0, 0.0, -0.1}}};
   RecoveringEkf::Config config;

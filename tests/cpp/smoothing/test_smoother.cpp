@@ -124,7 +124,7 @@ TEST(Smoother, three_fixes_and_two_motions_are_a_linear_problem) {
   config.estimator.odometry.sigma_longitudinal_per_sqrt_m = 0.1;
   config.estimator.odometry.sigma_lateral_per_sqrt_m = 0.1;
   config.estimator.odometry.sigma_heading_per_sqrt_m = 1e-9;
-  config.estimator.gate_position = 1.0;
+  config.estimator.position.gate = 1.0;
   config.keyframe_s = 100.0;
   const Vector<3> sigma(1e3, 1e3, 1e-6);
   const PoseEstimate start{0, {}, sigma.cwiseAbs2().asDiagonal()};
@@ -256,7 +256,7 @@ TEST(Smoother, offsets_of_anchors_are_learnt) {
     }
     SmootherConfig config = well_informed();
     config.estimator.calibration.sigma_anchor_offset_m = 0.5;
-    config.estimator.gate_range = 1.0;
+    config.estimator.range.gate = 1.0;
     const Smoothed found = smooth(config, hall(), run.start, run.messages);
     ASSERT_EQ(found.errors.size(), 4U);
     for (std::size_t k = 0; k < 4; ++k) {

@@ -122,7 +122,7 @@ class EndlessDrive {
 /// Settings for an endless drive: a second of history, and relocalization after a blackout.
 [[nodiscard]] inline Timeline<RecoveringEkf> endless_timeline(Stamp history = kSecond) {
   RecoveringEkf::Config config;
-  config.start.estimator.robust_range = NoiseKind::kOneSided;
+  config.start.estimator.range.noise = NoiseKind::kOneSided;
   RecoveringEkf robot(config, {hall(), one_tag()});
   robot.start_at(EndlessDrive::start());
   return Timeline<RecoveringEkf>(robot, history);

@@ -141,7 +141,7 @@ inline void by_itself(Rng& rng, Flight& flight, Stamp /*begin*/, Stamp /*end*/,
   config.altitude.altimeter_up_m = 0.05;
   config.landmark = {0.1, 0.02};
   config.landmark_in_space = {0.2, 0.03};
-  config.gate_range = config.gate_altitude = config.gate_landmark = 1.0;
+  config.range.gate = config.altitude.gate = config.landmark.gate = 1.0;
   return config;
 }
 

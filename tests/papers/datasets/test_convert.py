@@ -623,7 +623,7 @@ def test_a_recorded_drive_is_localized_within_its_limit(
         ("plaza.yaml", {"anchors": {}}, 0.40),
         ("plaza_online.yaml", {"estimator": {"calibration": Calibration()}}, 0.40),
         ("tuc_labyrinth.yaml", {"anchors": {}}, 0.08),
-        ("mrpt_office.yaml", {"estimator": {"robust_range": "gaussian", "gate_range": 1.0}}, 0.13),
+        ("mrpt_office.yaml", {"estimator": {"range": {"noise": "gaussian", "gate": 1.0}}}, 0.13),
         ("mrpt_office.yaml", {"estimator": {"calibration": Calibration()}}, 0.13),
     ],
     ids=["plaza without the stated scale", "plaza that learns nothing",

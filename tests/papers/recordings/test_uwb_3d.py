@@ -30,7 +30,7 @@ def recorded(name: str) -> tuple[Log, float]:
 
 def errors(log: Log, offset: float, gate: float = 0.999) -> tuple[FloatArray, FloatArray]:
     config = uwb_3d.filter_config()
-    config.gate_range = gate
+    config.range.gate = gate
     return uwb_3d.errors_of(uwb_3d.localize(log, offset, config), log)
 
 

@@ -49,7 +49,7 @@ def ratio(case: Case, log: Log, config: _core.AirEkfConfig | None = None) -> flo
 def gullible() -> _core.AirEkfConfig:
     """Return settings that believe every range."""
     config = uwb_3d.filter_config()
-    config.gate_range = 1.0
+    config.range.gate = 1.0
     return config
 
 

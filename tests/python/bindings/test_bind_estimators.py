@@ -21,7 +21,7 @@ STEP = 100_000_000
 def make_ekf(gate: float = 0.999) -> lf.PoseEkf:
     config = lf.PoseEkfConfig()
     config.range.sigma_m, config.range.sigma_relative = 0.05, 0.01
-    config.gate_range = gate
+    config.range.gate = gate
     anchors = lf.AnchorMap([lf.Anchor(i, at) for i, at in enumerate(ANCHORS)])
     start = lf.PoseEstimate(0, lf.Pose2(3.0, 2.0, 0.3), np.diag([0.3, 0.2, 0.1]) ** 2)
     return lf.PoseEkf(config, lf.World(anchors, [lf.Tag(0, TAG_IN_BODY.tolist())]), start)

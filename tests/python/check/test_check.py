@@ -344,16 +344,16 @@ MISCONFIGURED: dict[str, tuple[str, str, str, dict[str, Any], Any]] = {
         "angles_in_degrees", "warning", "landmark_sightings.csv reaches 90: degrees?",
         healthy(), both(sighted, scaled("landmark_sightings", "bearing_rad", 180.0 / np.pi))),
     "a gate of 1": (
-        "ineffective_gates", "warning", "no gate", healthy(estimator__gate_range=1.0), None),
+        "ineffective_gates", "warning", "no gate", healthy(estimator__range__gate=1.0), None),
     "a gate so near to 1 that it never rejects": (
         "ineffective_gates", "warning", "cannot bind",
-        healthy(estimator__gate_range=1.0 - 1e-12), None),
+        healthy(estimator__range__gate=1.0 - 1e-12), None),
     "a sigma so large that the gate is wider than the room": (
         "ineffective_gates", "warning", "that the anchors span",
         healthy(estimator__range={"sigma_m": 60.0}), None),
     "a gate that rejects good ranges": (
         "ineffective_gates", "warning", "of the good ones",
-        healthy(estimator__gate_range=0.5), None),
+        healthy(estimator__range__gate=0.5), None),
     "positions with a sigma of 99999": (
         "implausible_sigmas", "warning", "count for nothing", fixes(),
         both(scaled("positions", "sigma_m", 0.0), shifted("positions", "sigma_m", 99999.0))),
@@ -1140,7 +1140,7 @@ def test_every_rule_is_provoked_and_is_on_the_page() -> None:
 
 
 def test_findings_come_worst_first() -> None:
-    result = checked(healthy(estimator__gate_range=1.0, start=[60, 40, 90]))
+    result = checked(healthy(estimator__range__gate=1.0, start=[60, 40, 90]))
     order = [["error", "warning", "note"].index(f.severity) for f in result.findings]
     assert order == sorted(order)
     assert set(order) == {0, 1, 2}

@@ -125,7 +125,7 @@ def test_the_seed_decides(config: Path, tmp_path: Path) -> None:
 def test_a_dumped_config_loads_back_and_gives_the_same_metrics(tmp_path: Path) -> None:
     first = tmp_path / "first.yaml"
     first.write_text(
-        "simulation: {duration_s: 4, path: {shape: star}}\nestimator: {gate_range: 0.99}\n"
+        "simulation: {duration_s: 4, path: {shape: star}}\nestimator: {range: {gate: 0.99}}\n"
     )
     dumped = locfuse("config", "dump", first)
     assert dumped.status == 0
@@ -177,7 +177,7 @@ def test_the_schema_for_editors_has_every_key_with_its_text() -> None:
         "tag_triangle",
         "air",
     ]
-    gate = estimator["properties"]["gate_range"]
+    gate = found["$defs"]["Range"]["properties"]["gate"]
     assert (gate["default"], gate["exclusiveMinimum"], gate["maximum"]) == (0.999, 0.0, 1.0)
     texts = [field["description"] for part in (found, *found["$defs"].values())
              for field in part["properties"].values() if "description" in field]  # fmt: skip

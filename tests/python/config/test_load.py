@@ -29,7 +29,7 @@ def refused(data: Any) -> str:
     ("data", "key", "advice"),
     [
         ({"histroy_s": 1.0}, "histroy_s", "history_s"),
-        ({"estimator": {"gate_rnge": 0.9}}, "gate_rnge", "gate_range"),
+        ({"estimator": {"hold": 0.9}}, "hold", "hold_s"),
         ({"estimator": {"odometry": {"sigma_xy_per_sqrt_sec": 1}}},
          "sigma_xy_per_sqrt_sec", "sigma_xy_per_sqrt_s"),
         ({"estimator": {"range": {"sigm_m": 1}}}, "sigm_m", "sigma_m"),
@@ -74,7 +74,7 @@ def test_a_key_like_no_other_is_answered_with_all_there_are() -> None:
     ("data", "parts"),
     [
         ({"estimator": {"range": {"sigma_m": -0.5}}}, ["estimator.range.sigma_m", "-0.5"]),
-        ({"estimator": {"gate_range": 1.5}}, ["estimator.gate_range", "1.5"]),
+        ({"estimator": {"range": {"gate": 1.5}}}, ["estimator.range.gate", "1.5"]),
         ({"estimator": {"hold_s": 0}}, ["estimator.hold_s", "0"]),
         ({"estimator": {"hold_s": float("nan")}}, ["estimator.hold_s", "nan"]),
         ({"estimator": {"hold_s": "soon"}}, ["estimator.hold_s", "soon"]),

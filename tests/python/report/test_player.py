@@ -66,7 +66,7 @@ def room() -> RunResult:
             "faults": [{"kind": "nlos", "walls": [[2, 0.5, 2, 4]], "extra_m": 2.0}],
             "positions": {},
         },
-        "delays_s": {"ranges": 0.05},
+        "estimator": {"range": {"latency_s": 0.05}},
     }
     return run(parse_config(config), seed=2)
 

@@ -30,7 +30,7 @@ KEYS = {"position_rmse_m", "position_p95_m", "position_max_m", "heading_rmse_deg
 
 @pytest.fixture(scope="module")
 def result() -> RunResult:
-    return run(room(estimator={"gate_range": 0.9, "range": {"sigma_m": 0.1}}), seed=4)
+    return run(room(estimator={"range": {"gate": 0.9, "sigma_m": 0.1}}), seed=4)
 
 
 @pytest.fixture(scope="module")

@@ -18,11 +18,10 @@ ROOT = Path(__file__).parents[3]
 EVERYTHING: dict[str, Any] = {
     "start": [1.0, 2.0, 90.0],
     "anchors": {"all": {"offset_m": 0.1}},
-    "delays_s": {"ranges": 0.05},
     "switched_off": [{"source": "ranges", "from_s": 3.0}],
     "mcl": {"poses_hz": 2.0, "switch": None, "likelihood": "beams"},
     "cylinders": {"radius_m": 0.1},
-    "estimator": {"robust_range": "student_t"},
+    "estimator": {"range": {"noise": "student_t", "latency_s": 0.05}},
     "ros": {"gps_origin": [50.0, 8.0, 0.0], "topics": {"scans": None}},
 }
 
@@ -45,7 +44,7 @@ def test_every_parameter_says_what_it_means() -> None:
 
 def test_bounds_are_those_of_the_schema() -> None:
     found = by_name(RunConfig())
-    gate = found["estimator.gate_range"]
+    gate = found["estimator.range.gate"]
     assert gate.low is not None
     assert 0.0 < gate.low < 1e-300
     assert gate.high == 1.0
@@ -58,7 +57,7 @@ def test_bounds_are_those_of_the_schema() -> None:
 def test_kinds_are_those_of_the_schema() -> None:
     found = by_name(RunConfig())
     kinds = {
-        "estimator.gate_range": "float",
+        "estimator.range.gate": "float",
         "seed": "int",
         "estimator.calibration.consider": "bool",
         "name": "text",
@@ -78,10 +77,10 @@ def test_a_node_has_neither_log_nor_simulation() -> None:
 
 def test_parameters_count_more_than_the_file(tmp_path: Path) -> None:
     path = tmp_path / "run.yaml"
-    keys = {"simulation": {}, "start": "auto", "estimator": {"gate_range": 0.9, "hold_s": 2.0}}
+    keys = {"simulation": {}, "start": "auto", "estimator": {"range": {"gate": 0.9}, "hold_s": 2.0}}
     path.write_text(yaml.safe_dump(keys))
-    config = config_of({"estimator.gate_range": 0.99}, path)
-    assert config.estimator.gate_range == 0.99
+    config = config_of({"estimator.range.gate": 0.99}, path)
+    assert config.estimator.range.gate == 0.99
     assert config.estimator.hold_s == 2.0
     assert config.simulation is None
     assert load_config(path).simulation is not None
@@ -90,13 +89,13 @@ def test_parameters_count_more_than_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"estimator.gate_rnge": 0.9}, "estimator: unknown key 'gate_rnge'; did you mean 'gate_r"),
-        ({"estimatr.gate_range": 0.9}, "unknown key 'estimatr'; did you mean 'estimator'"),
-        ({"estimator.gate_range": 7}, "at most 1"),
-        ({"estimator.gate_range": "x", "seed": 1}, "estimator.gate_range: "),
+        ({"estimator.hold": 0.9}, "estimator: unknown key 'hold'; did you mean 'hold_s"),
+        ({"estimatr.range.gate": 0.9}, "unknown key 'estimatr'; did you mean 'estimator'"),
+        ({"estimator.range.gate": 7}, "at most 1"),
+        ({"estimator.range.gate": "x", "seed": 1}, "estimator.range.gate: "),
         ({"seed": 1, "seed.x": 2}, "seed.x is below seed, which is 1; set one"),
         ({"switched_off": "[{"}, "switched_off: is no YAML"),
-        ({"estimator.gate_range": ""}, "estimator.gate_range: "),
+        ({"estimator.range.gate": ""}, "estimator.range.gate: "),
     ],
 )
 def test_what_is_wrong_is_named(given: dict[str, Any], says: str) -> None:
@@ -108,19 +107,19 @@ def test_what_is_wrong_is_named(given: dict[str, Any], says: str) -> None:
 
 def test_mappings_in_mappings_say_what_names_with_dots_say(tmp_path: Path) -> None:
     path = tmp_path / "run.yaml"
-    path.write_text("start: auto\nestimator: {range: {sigma_m: 0.2}, gate_range: 0.99}\n")
+    path.write_text("start: auto\nestimator: {range: {sigma_m: 0.2, gate: 0.99}}\n")
     config = config_of({"estimator": {"range": {"sigma_relative": 0.01}}, "mcl": {}}, path, "/n")
     assert config == config_of({"estimator.range.sigma_relative": 0.01, "mcl": {}}, path)
     assert config.estimator.range.sigma_m == 0.2
     assert config.estimator.range.sigma_relative == 0.01
-    assert config.estimator.gate_range == 0.99
+    assert config.estimator.range.gate == 0.99
     assert config.mcl is not None
     off = {"switched_off": [{"source": "ranges", "from_s": 1.0}]}
     assert config_of(off).switched_off[0].source == "ranges"
     anchors = config_of({"anchors": {"a.1": {"offset_m": 0.5}}}).anchors
     assert anchors["a.1"].offset_m == 0.5
-    with pytest.raises(ConfigError, match="/n: estimator: unknown key 'gate_rnge'"):
-        config_of({"estimator": {"gate_rnge": 0.9}}, path, "/n")
+    with pytest.raises(ConfigError, match="/n: estimator: unknown key 'hold'"):
+        config_of({"estimator": {"hold": 0.9}}, path, "/n")
 
 
 DECLARED = (

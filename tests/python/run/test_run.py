@@ -335,7 +335,11 @@ def with_noise(**factors: float) -> RunConfig:
     for part, factor in factors.items():
         values = getattr(estimator, part)
         parts[part] = values.model_copy(
-            update={name: factor * value for name, value in values.model_dump().items()}
+            update={
+                name: factor * value
+                for name, value in values.model_dump().items()
+                if name.startswith("sigma")
+            }
         )
     return config.model_copy(update={"estimator": estimator.model_copy(update=parts)})
 

@@ -108,7 +108,7 @@ def test_the_optimum_and_its_covariance_are_those_of_gtsam() -> None:
     rng = np.random.default_rng(2)
     places = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])
     config = lf.PoseEkfConfig()
-    config.correlation_s, config.gate_range = 0.0, 1.0
+    config.correlation_s, config.range.gate = 0.0, 1.0
     # The same in all directions: gtsam has its noise in other axes.
     config.odometry.sigma_longitudinal_per_sqrt_m = 0.05
     config.odometry.sigma_lateral_per_sqrt_m = 0.05

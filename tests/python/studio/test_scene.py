@@ -97,7 +97,7 @@ def test_undo_goes_back_to_the_first_step_and_no_further() -> None:
         (("simulation", "anchors", "A1"), [0.0, 0.0], "value 3: is missing"),
         (("simulation", "anchors"), {}, "ranges need anchors and tags"),
         (("simulation", "rnges"), {}, "did you mean 'ranges'"),
-        (("estimator", "gate_range"), 1.5, "expected at most 1"),
+        (("estimator", "range", "gate"), 1.5, "expected at most 1"),
         (("use",), [], "at least 1"),
         (("start",), "somewhere", "expected 'truth', 'auto'"),
         (("seed",), 0.5, "expected a whole number"),

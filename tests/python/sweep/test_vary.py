@@ -169,7 +169,7 @@ def test_too_few_trials_for_the_combinations_are_refused() -> None:
         ("simulation.anchors.A9.0", "simulation.anchors: unknown key 'A9'; did you mean 'A"),
         ("simulation.anchors.A1.3", "no place '3'; expected 0 to 2"),
         ("simulation.faults.0", "simulation.faults: no place '0'; it is empty"),
-        ("delays_s.poses", "delays_s: unknown key 'poses'; it is empty"),
+        ("anchors.A1", "anchors: unknown key 'A1'; it is empty"),
         ("mcl.beams", "mcl: is not set in the configuration; set it there first"),
         ("history_s.x", "history_s: is 2.0, in which there is no 'x'"),
         ("seed", "trial k has the seed of the configuration plus k"),

@@ -62,17 +62,9 @@ class AirEkf {
     RangeBearingModel::Config landmark;
     RangeBearingModel::InSpace landmark_in_space;
     Limits limits;
-    double min_height_m = -1e9;    ///< of the room, floor and ceiling, in which the body is [m]
-    double max_height_m = 1e9;     ///< [m]
-    double gate_range = 0.999;     ///< probability that an inlier range passes the gate
-    double gate_position = 0.999;  ///< the same for a position fix
-    double gate_pose = 0.999;      ///< the same for a pose
-    double gate_altitude = 0.999;  ///< the same for an altitude
-    double gate_landmark = 0.999;  ///< the same for a landmark observation
-    NoiseKind robust_range = NoiseKind::kGaussian;     ///< distribution of range noise
-    NoiseKind robust_position = NoiseKind::kGaussian;  ///< of position fixes
-    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< of poses
-    double robust_dof = 4.0;                           ///< degrees of freedom of kStudentT
+    double min_height_m = -1e9;       ///< of the room, floor and ceiling, in which the body is [m]
+    double max_height_m = 1e9;        ///< [m]
+    double robust_dof = 4.0;          ///< degrees of freedom of kStudentT
     double robust_late_share = 0.05;  ///< share of ranges that are too long, for kOneSided
     double correlation_s = 10.0;      ///< as of PoseEkf [s]
     double hold_s = 1.0;              ///< odometry timeout: the last motion is held this long [s]

@@ -53,8 +53,6 @@ class LandmarkEkf {
     RangeBearingModel::Config landmark;
     PositionModel::Config position;
     Limits limits;
-    double gate_landmark = 0.999;  ///< probability that a sighting passes its landmark's gate
-    double gate_position = 0.999;  ///< the same for a position fix
     /// The same, wider: only a sighting that is outside this gate of every landmark is of a new
     /// one. Between the two gates it is ambiguous, and dropped.
     double gate_new = 0.999999;

@@ -45,14 +45,7 @@ class PoseEkf {
     Calibration::Config calibration;
     Limits limits;
     AdaptiveNoise::Config adaptive;
-    double gate_range = 0.999;     ///< probability that an inlier range passes the gate
-    double gate_position = 0.999;  ///< the same for a position fix
-    double gate_pose = 0.999;      ///< the same for a pose
-    double gate_landmark = 0.999;  ///< the same for a landmark observation
-    NoiseKind robust_range = NoiseKind::kGaussian;     ///< distribution of range noise
-    NoiseKind robust_position = NoiseKind::kGaussian;  ///< of position fixes
-    NoiseKind robust_pose = NoiseKind::kGaussian;      ///< of poses
-    double robust_dof = 4.0;                           ///< degrees of freedom of kStudentT
+    double robust_dof = 4.0;          ///< degrees of freedom of kStudentT
     double robust_late_share = 0.05;  ///< share of ranges that are too long, for kOneSided
     /// Correlation time of the errors of an anchor, a landmark or any other source; how much of
     /// them is correlated is learnt. 0: they are independent [s].

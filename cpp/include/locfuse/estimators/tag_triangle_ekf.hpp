@@ -48,10 +48,6 @@ class TagTriangleEkf {
     /// been no odometry for a second; else only odometry is.
     bool holds_sides = false;
     double sigma_start_velocity_mps = 0.5;  ///< of each tag, each axis [m/s]
-    double gate_position = 0.999;           ///< probability that an inlier fix passes the gate
-    double gate_velocity = 0.999;           ///< the same for the velocities of the three tags
-    double gate_side = 1.0;                 ///< the same for the three sides: they are always right
-    double gate_range = 0.999;              ///< the same for a range
   };
 
   static constexpr int kTags = 3;

@@ -4,17 +4,10 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
-#include <cstdint>
+
+#include "locfuse/math/noise_kind.hpp"
 
 namespace locfuse {
-
-/// What noise looks like beyond its sigma.
-enum class NoiseKind : std::uint8_t {
-  kGaussian,  ///< as its sigma says
-  kOneSided,  ///< a share of the measurements is too long, by anything; of one row only
-  kStudentT,  ///< with tails of some degrees of freedom, to both sides
-  kCauchy,    ///< the same with one degree of freedom
-};
 
 /// Noise as a mixture of Gaussians that are shifted and wider than R. A measurement with such noise
 /// is fused by the moments of what it leaves of the belief, so one that fits badly moves it little,

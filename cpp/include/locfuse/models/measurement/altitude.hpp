@@ -12,6 +12,7 @@ class AltitudeModel {
   struct Config {
     double altimeter_up_m = 0.0;  ///< height above the body's origin [m]
     double sigma_m = 0.1;         ///< of an altitude without a sigma of its own [m]
+    double gate = 0.999;          ///< probability that a good one passes; 1: no gate
   };
 
   AltitudeModel() = default;

@@ -12,6 +12,7 @@ class PointDistanceModel {
  public:
   struct Config {
     double sigma_m = 0.005;  ///< of the known distance [m]
+    double gate = 1.0;       ///< probability that a good one passes; 1: no gate
   };
 
   PointDistanceModel() : PointDistanceModel(Config{}) {}

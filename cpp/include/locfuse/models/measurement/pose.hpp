@@ -5,6 +5,7 @@
 
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/linearization.hpp"
+#include "locfuse/math/noise_kind.hpp"
 #include "locfuse/messages/messages.hpp"
 #include "locfuse/messages/reported_covariance.hpp"
 
@@ -21,6 +22,8 @@ class PoseModel {
     /// Whether the localizer goes by the odometry that the filter goes by, so that its stamps are
     /// as late: a PoseEkf does not learn how late they are then.
     bool shares_odometry = false;
+    double gate = 0.999;                     ///< probability that a good one passes; 1: no gate
+    NoiseKind noise = NoiseKind::kGaussian;  ///< distribution of their noise
   };
 
   PoseModel() : PoseModel(Config{}) {}

@@ -7,6 +7,7 @@
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/maps/tags.hpp"
 #include "locfuse/math/linearization.hpp"
+#include "locfuse/math/noise_kind.hpp"
 #include "locfuse/messages/messages.hpp"
 #include "locfuse/messages/reported_covariance.hpp"
 
@@ -21,6 +22,8 @@ class PositionModel {
     double antenna_left_m = 0.0;
     double sigma_m = 0.0;         ///< of a fix without a reported covariance [m]; 0: not used
     double least_sigma_m = 1e-3;  ///< minimum sigma of a fix [m]
+    double gate = 0.999;          ///< probability that a good one passes; 1: no gate
+    NoiseKind noise = NoiseKind::kGaussian;  ///< distribution of their noise
   };
 
   PositionModel() = default;

@@ -10,6 +10,7 @@
 #include "locfuse/maps/anchor_map.hpp"
 #include "locfuse/maps/tags.hpp"
 #include "locfuse/math/linearization.hpp"
+#include "locfuse/math/noise_kind.hpp"
 #include "locfuse/messages/messages.hpp"
 
 namespace locfuse {
@@ -31,8 +32,10 @@ class RangeModel {
  public:
   /// R = sigma^2 + (sigma_relative * distance)^2 where the message has no sigma.
   struct Config {
-    double sigma_m = 0.3;         ///< [m]
-    double sigma_relative = 0.0;  ///< share of the distance
+    double sigma_m = 0.3;                    ///< [m]
+    double sigma_relative = 0.0;             ///< share of the distance
+    double gate = 0.999;                     ///< probability that a good one passes; 1: no gate
+    NoiseKind noise = NoiseKind::kGaussian;  ///< distribution of their noise
   };
 
   /// Throws std::invalid_argument on negative sigmas, both zero, duplicate tags, or without a map.

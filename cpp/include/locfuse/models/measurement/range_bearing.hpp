@@ -31,6 +31,7 @@ class RangeBearingModel {
     double sigma_range_m = 0.3;         ///< [m]
     double sigma_bearing_rad = 0.05;    ///< [rad]
     double sigma_range_relative = 0.0;  ///< share of the range, as for a camera
+    double gate = 0.999;                ///< probability that a good one passes; 1: no gate
   };
 
   /// Additional settings for a flying body.

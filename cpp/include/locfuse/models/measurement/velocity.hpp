@@ -19,6 +19,7 @@ class VelocityModel {
     double sigma_lateral_mps = 0.01;      ///< lateral slip [m/s]
     double sigma_turn_rate_radps = 0.02;  ///< [rad/s]
     double sigma_point_mps = 0.01;        ///< each point, each axis [m/s]
+    double gate = 0.999;                  ///< probability that a good one passes; 1: no gate
   };
 
   VelocityModel() : VelocityModel(Config{}) {}

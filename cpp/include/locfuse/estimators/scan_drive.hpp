@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "locfuse/frontends/scan_odometry.hpp"
+#include "locfuse/messages/messages.hpp"
+#include "locfuse/models/motion/odometry.hpp"
+
+namespace locfuse {
+
+/// Odometry of a laser's scans, where the motion by wheels, if there are any, is where a fit
+/// begins; docs/models/scan_matching.md, "As the odometry of a run".
+///
+/// Without wheels, or while they are silent for more than a second, the body is expected to go on
+/// as it did in the last scans, give or take 0.5 m/s and 0.5 rad/s. Feed messages in order of
+/// arrival. A value: copying it is a snapshot.
+class ScanDrive {
+ public:
+  struct Config {
+    ScanOdometryConfig scans;
+    OdometryMotion::Config odometry;  ///< noise of the wheels
+  };
+
+  ScanDrive() : ScanDrive(Config{}) {}
+  /// Throws std::invalid_argument on a setting out of bounds.
+  explicit ScanDrive(const Config& config);
+
+  /// Takes the motion of the wheels; one that begins before the end of the last is dropped. Throws
+  /// std::invalid_argument if it is not valid.
+  void on(const Velocity& u);
+  void on(const Increment& u);
+  /// Returns the motion since the last scan; empty for the first one, and for one that is late.
+  /// Throws std::invalid_argument if it is not valid.
+  std::optional<Increment> on(const LaserScan& scan);
+
+ private:
+  /// A motion and the covariance of its (x, y, heading).
+  struct Guess {
+    Pose2 motion;
+    Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
+  };
+
+  [[nodiscard]] bool take_wheels(Stamp begin, Stamp stamp);
+  [[nodiscard]] Guess by_wheels(Stamp stamp, double seconds);
+  [[nodiscard]] Guess by_scans(double seconds) const;
+  void follow(const Pose2& motion, double seconds);
+
+  OdometryMotion model_;
+  ScanOdometry odometry_;
+  std::optional<Stamp> at_;              // stamp of the last scan
+  Vector<3> twist_ = Vector<3>::Zero();  // by the last scans, per second
+  Pose2 since_;                          // motion by scans that is not yet in it
+  double seconds_ = 0.0;                 // of that
+  std::optional<Stamp> wheels_;          // end of what wheels say
+  Vector<3> rate_ = Vector<3>::Zero();   // of the wheels, per second
+  Pose2 moved_;                          // by wheels, from the last scan to their end
+};
+
+}  // namespace locfuse

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/estimators/scan_drive.hpp"
+
+#include <algorithm>
+
+#include "locfuse/geometry/pose2.hpp"
+
+namespace locfuse {
+namespace {
+
+struct Tuning {
+  static constexpr double kMeasured = 0.1;  ///< a velocity by scans is measured over so long [s]
+  static constexpr Stamp kHold = 1'000'000'000;  ///< wheels that are silent for longer say nothing
+  /// How much a body may change its velocity between two scans, where no wheels measure it.
+  static constexpr double kSigmaSpeed = 0.5;     ///< [m/s]
+  static constexpr double kSigmaTurnRate = 0.5;  ///< [rad/s]
+};
+
+Pose2 driven(const Vector<3>& rate, double seconds) {
+  return arc(rate.x() * seconds, rate.y() * seconds, rate.z() * seconds);
+}
+
+Vector<3> rate_of(const Pose2& motion, double seconds) {
+  return seconds > 0.0 ? Vector<3>(arc_twist(motion) / seconds) : Vector<3>::Zero();
+}
+
+}  // namespace
+
+ScanDrive::ScanDrive(const Config& config) : model_(config.odometry), odometry_(config.scans) {}
+
+void ScanDrive::on(const Velocity& u) {
+  validate(u);
+  if (take_wheels(u.stamp, u.stamp)) {
+    rate_ = {u.forward, u.left, u.turn_rate};
+  }
+}
+
+void ScanDrive::on(const Increment& u) {
+  validate(u);
+  if (take_wheels(u.begin, u.stamp)) {
+    rate_ = rate_of(u.motion, seconds_between(u.begin, u.stamp));
+    moved_ = moved_ * u.motion;
+  }
+}
+
+/// Goes on by the rate of the wheels to where their next motion begins.
+bool ScanDrive::take_wheels(Stamp begin, Stamp stamp) {
+  if (wheels_ && begin < *wheels_) {
+    return false;
+  }
+  if (wheels_) {
+    const Stamp held = std::min(begin, *wheels_ + Tuning::kHold);
+    moved_ = moved_ * driven(rate_, seconds_between(*wheels_, held));
+  }
+  wheels_ = stamp;
+  return true;
+}
+
+std::optional<Increment> ScanDrive::on(const LaserScan& scan) {
+  validate(scan);
+  if (!at_) {
+    (void)odometry_.on(scan, {}, Matrix<3, 3>::Zero());
+    at_ = scan.stamp;
+    moved_ = {};
+    return std::nullopt;
+  }
+  if (scan.stamp <= *at_) {
+    return std::nullopt;
+  }
+  const double seconds = seconds_between(*at_, scan.stamp);
+  const bool has_wheels = wheels_ && scan.stamp <= *wheels_ + Tuning::kHold;
+  const Guess guess = has_wheels ? by_wheels(scan.stamp, seconds) : by_scans(seconds);
+  const ScanMotion fitted = odometry_.on(scan, guess.motion, guess.covariance);
+  const Increment found{*at_, scan.stamp, fitted.increment.motion};
+  at_ = scan.stamp;
+  if (fitted.match.converged) {
+    follow(found.motion, seconds);
+  }
+  return found;
+}
+
+/// Measures the velocity over a while: scans may come at once, and each is off a little.
+void ScanDrive::follow(const Pose2& motion, double seconds) {
+  since_ = since_ * motion;
+  seconds_ += seconds;
+  if (seconds_ >= Tuning::kMeasured) {
+    twist_ = rate_of(since_, seconds_);
+    since_ = {};
+    seconds_ = 0.0;
+  }
+}
+
+/// The motion since the last scan; what is beyond it is kept.
+ScanDrive::Guess ScanDrive::by_wheels(Stamp stamp, double seconds) {
+  const Pose2 beyond = driven(rate_, seconds_between(stamp, *wheels_));
+  const Pose2 motion = moved_ * inverse(beyond);
+  moved_ = beyond;
+  return {motion, model_.propagate(Pose2{}, motion, seconds).noise};
+}
+
+ScanDrive::Guess ScanDrive::by_scans(double seconds) const {
+  const Vector<3> sigma =
+      seconds * Vector<3>(Tuning::kSigmaSpeed, Tuning::kSigmaSpeed, Tuning::kSigmaTurnRate);
+  return {driven(twist_, seconds), sigma.cwiseAbs2().asDiagonal()};
+}
+
+}  // namespace locfuse
