@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every front end of scans is reached from every door, on the same path: the same poses."""
+"""Every front end is reached from every door, on the same path: the same poses."""
 
 from __future__ import annotations
 
@@ -49,11 +49,32 @@ PARTICLES: Mapping[str, Mapping[str, Any]] = {
     "switch": {"mcl": {"switch": {}, "max_particles": 1000},
                "simulation": {**FLOOR, "anchors": ANCHORS, "ranges": {"rate_hz": 5}}},
 }  # fmt: skip
-CASES = [*PARTICLES, *(f"cylinders {name}" for name in METHODS)]
+TAGS: Mapping[str, Any] = {
+    "path": {"shape": "eight", "speed_mps": 0.31, "radius_m": 1.4},
+    "odometry": {**VELOCITIES, "rate_hz": 7.5},
+    "tags": {"front": [0.5, 0, 1], "left": [-0.4, 0.3, 1], "right": [-0.4, -0.3, 1]},
+    "ranges": {"rate_hz": 1},
+    "poses": None,
+    "positions": {"rate_hz": 1, "sigma_xy_m": 0.12, "tags": ["front", "left", "right"]},
+    "duration_s": 20.0,
+}
+WITHOUT_SCANS: Mapping[str, Mapping[str, Any]] = {
+    "rigid": {"estimator": {"kind": "tag_triangle", "tag_triangle": {"shape": "rigid"}}},
+    "tag_conditioner": {"tag_conditioner": {}},
+    "tag_conditioner, triangle": {"tag_conditioner": {}, "estimator": {"kind": "tag_triangle"}},
+}
+HEADINGS = "srls_headings"
+SCANS = [*PARTICLES, *(f"cylinders {name}" for name in METHODS)]
+CASES = [*SCANS, *WITHOUT_SCANS, HEADINGS]
 
 
 def document(case: str) -> dict[str, Any]:
     """Return what a user writes for a front end."""
+    if case in WITHOUT_SCANS:
+        return {"simulation": dict(TAGS), "seed": 1, **WITHOUT_SCANS[case]}
+    if case == HEADINGS:
+        world = {**FLOOR, "anchors": ANCHORS, "ranges": {"rate_hz": 5}}
+        return {"simulation": world, "seed": 1, "start": HEADINGS}
     if not case.startswith("cylinders"):
         return {"simulation": dict(FLOOR), "seed": 1, **PARTICLES[case]}
     data = yaml.safe_load((ROOT / "examples/configs/gadau_discs.yaml").read_text())
@@ -63,15 +84,20 @@ def document(case: str) -> dict[str, Any]:
 
 @cache
 def driven(case: str) -> tuple[RunConfig, Log]:
-    """Return a run with a given start and its log, whose scans are of single precision, as topics'.
+    """Return a run, with a given start where that is not searched, and its log.
+
+    Its scans are of single precision, as those of topics are.
 
     Velocities pass a topic as they are; of the increments of poses the last bits change.
     """
     made = parse_config(document(case))
     log = load_log(made, None, made.seed)
     x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+    start = HEADINGS if case == HEADINGS else (x, y, float(np.degrees(heading)))
     ros = made.ros.model_copy(update={"estimate_at": "fused", "odometry_from": "twist"})
-    given = {"start": (x, y, float(np.degrees(heading))), "simulation": None, "ros": ros}
+    given = {"start": start, "simulation": None, "ros": ros}
+    if case in WITHOUT_SCANS:
+        return made.model_copy(update=given), log
     assert log.laser is not None
     ranges = decimals(log["scans"]["ranges_m"].astype(np.float32).ravel())
     ranges[ranges > 0.99 * log.laser["range_max_m"]] = np.nan  # which of a topic are no returns
@@ -112,7 +138,7 @@ def test_bags(case: str, bag: str, tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", SCANS)
 def test_studio(case: str) -> None:
     """A document with the front end runs, and a choice that has it keeps its settings."""
     config, _ = driven(case)
