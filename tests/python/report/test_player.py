@@ -93,6 +93,20 @@ def test_tracks_and_errors_are_those_of_the_run(room: RunResult) -> None:
     assert packed["end"] == pytest.approx(20.0, abs=0.1)
 
 
+def test_a_flight_has_its_height_and_that_of_the_truth() -> None:
+    flight = {"path": {"shape": "circle", "radius_m": 2}, "duration_s": 3, "flight": {}}
+    result = run(parse_config({"simulation": flight, "estimator": {"kind": "air"}}), seed=1)
+    packed, estimate, truth = pack(result), result.estimate, result.truth
+    assert estimate.height is not None
+    assert estimate.height_variance is not None
+    assert truth is not None
+    assert truth.height is not None
+    sigma = np.sqrt(estimate.height_variance).astype("f4")
+    assert np.array_equal(array(packed["estimate"]["height"]), estimate.height.astype("f4"))
+    assert np.array_equal(array(packed["estimate"]["sigma_height"]), sigma)
+    assert np.array_equal(array(packed["truth"]["height"]), truth.height.astype("f4"))
+
+
 def test_messages_are_those_of_the_run_with_reasons_in_words(room: RunResult) -> None:
     packed, outcomes = pack(room), room.outcomes
     shown = ~((outcomes.source == "odometry") & (outcomes.verdict == "fused"))

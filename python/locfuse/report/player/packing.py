@@ -114,6 +114,10 @@ def _track(track: Trajectory, origin: int) -> Part:
         P = track.covariance.astype(np.float32)
         columns["covariance"] = np.stack([P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], axis=1)
         columns["sigma_heading"] = np.sqrt(np.maximum(P[:, 2, 2], 0.0))
+    if track.height is not None:
+        columns["height"] = track.height.astype(np.float32)
+    if track.height_variance is not None:
+        columns["sigma_height"] = np.sqrt(track.height_variance).astype(np.float32)
     return table_part(columns, np.zeros(len(track), np.bool_))
 
 

@@ -834,6 +834,7 @@ globalThis.LocfusePlayer = (() => {
           }
         }
       }
+      if (runs.some((run) => run.estimate.height)) rows.push({kind: "height", height: 62});
       const keys = new Set(runs.flatMap((run) => [...run.groups.keys()]));
       for (const key of keys) {
         const [source, dof] = key.split("|");
@@ -927,6 +928,7 @@ globalThis.LocfusePlayer = (() => {
         if (row.kind === "health") this._draw_health(context, top, row);
         if (row.kind === "turned down") this._draw_turned_down(context, top, row);
         if (row.kind === "error") this._draw_error(context, top, row);
+        if (row.kind === "height") this._draw_height(context, top, row);
         if (row.kind === "nis") this._draw_nis(context, top, row);
         context.restore();
         top += row.height + 5;
@@ -1083,6 +1085,50 @@ globalThis.LocfusePlayer = (() => {
       const tick = [1, 1.25, 2, 2.5, 4].map((parts) => nice_step(most, parts))
         .find((step) => step < 0.9 * most);
       for (const value of [tick, 0, -tick]) this._tick(context, y(value), `${+value.toPrecision(2)}`);
+    }
+
+    // Heights of bodies that fly, with the band of the first run and its truth.
+    _draw_height(context, top, row) {
+      const {palette, runs} = this.player;
+      const shown = runs.filter((run) => run.visible && run.estimate.height);
+      const {estimate: first, truth, packed} = shown[0] || {};
+      const lines = shown.map((run) => [run.estimate, this.player.colour(runs.indexOf(run))]);
+      if (truth && truth.height) lines.unshift([truth, palette.truth]);
+      let low = Infinity, high = -Infinity;
+      for (const [{height}] of lines) for (const value of height) {
+        if (value < low) low = value;
+        if (value > high) high = value;
+      }
+      const margin = Math.max(0.1 * (high - low), 0.05);
+      const y = (value) => top + row.height * (high + margin - value) / (high - low + 2 * margin);
+      context.save();
+      this._clip(context, top, row);
+      if (first && first.sigma_height) {
+        context.fillStyle = palette.band;
+        context.beginPath();
+        const edge = (k, side) => y(first.height[k] + side * packed.band_sigmas * first.sigma_height[k]);
+        for (let k = 0; k < first.t.length; k++) context.lineTo(this.x(first.t[k]), edge(k, 1));
+        for (let k = first.t.length - 1; k >= 0; k--) context.lineTo(this.x(first.t[k]), edge(k, -1));
+        context.fill();
+      }
+      for (const [{t, height}, colour] of lines) {
+        context.strokeStyle = colour;
+        context.lineWidth = 1.2;
+        context.beginPath();
+        let last = -Infinity;
+        for (let k = 0; k < t.length; k++) {
+          if (t[k] - last > LONGEST_GAP_S) context.moveTo(this.x(t[k]), y(height[k]));
+          else context.lineTo(this.x(t[k]), y(height[k]));
+          last = t[k];
+        }
+        context.stroke();
+      }
+      context.restore();
+      const band = first && first.sigma_height ? ` with its ±${packed.band_sigmas} sigma band` : "";
+      const beside = truth && truth.height ? ", and the truth" : "";
+      this._frame(context, top, row, this.width < 520 ? "height [m]" : `height [m]${band}${beside}`);
+      if (!(high >= low)) return;
+      for (const value of [low, high]) this._tick(context, y(value), `${+value.toPrecision(2)}`);
     }
 
     _draw_nis(context, top, row) {
@@ -1505,6 +1551,8 @@ globalThis.LocfusePlayer = (() => {
           const [xx, , yy] = run.estimate.covariance.subarray(3 * pose.row, 3 * pose.row + 3);
           rows.push(["sigma of x, y", `${Math.sqrt(xx).toFixed(3)}, ${Math.sqrt(yy).toFixed(3)} m`]);
         }
+        const {height} = this.runs[order].estimate;
+        if (height) rows.push(["height", `${height[pose.row].toFixed(3)} m`]);
         if (truth) rows.push(["error", `${Math.hypot(pose.x - truth.x, pose.y - truth.y).toFixed(3)} m`]);
       } else rows.push(["estimate", "none yet"]);
       if (this._rows !== rows.length) {
