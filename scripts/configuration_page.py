@@ -53,6 +53,7 @@ SECTIONS: dict[str, type[Strict]] = {
     "### `mcl.beam_model`": schema.BeamModel,
     "## `ros`": ros.Ros,
     "### `ros.topics`": ros.Topics,
+    "### `ros.fields`": ros.Fields,
     "### `ros.frames`": ros.Frames,
     "## `simulation`": scenario.Scenario,
     "### `path`, shape `circle`": scenario.Circle,

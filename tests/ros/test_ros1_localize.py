@@ -313,11 +313,20 @@ def test_bad_messages_are_named_and_harm_nothing(tmp_path: Path) -> None:
     assert np.hypot(*errors(log, poses, after_s=3.0)[:, :2].T).max() < 0.25
 
 
-def test_uwb_data_of_another_package_is_understood(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "ros"),
+    [
+        ("uwb_data", {"uwb_unit": "mm"}),
+        ("linktrack", {"fields": {"ranges": {"preset": "linktrack", "names": {9: "tag"}}}}),
+    ],
+)
+def test_uwb_data_of_another_package_is_understood(
+    tmp_path: Path, kind: str, ros: dict[str, Any]
+) -> None:
     """The paper's driver has its own type with int32 ids and millimetres."""
     log = simulated(11, duration_s=6.0)
-    with localizing(log, tmp_path, {"ros": {"uwb_unit": "mm"}}, ("odom", "scan")) as it:
-        driver = started([sys.executable, str(Path(__file__).with_name("other_driver.py"))],
+    with localizing(log, tmp_path, {"ros": ros}, ("odom", "scan")) as it:
+        driver = started([sys.executable, str(Path(__file__).with_name("other_driver.py")), kind],
                          tmp_path / "driver.log")  # fmt: skip
         with driver as other:
             other.wait_for_output("ready")

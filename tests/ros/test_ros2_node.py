@@ -166,6 +166,23 @@ def test_ranges_of_each_type_are_received(peer: Peer) -> None:
     assert "uwb from /peer" in robot.status("locfuse: topics")
 
 
+def test_ranges_in_text_of_a_driver_are_received_by_its_preset(peer: Peer) -> None:
+    """The node takes the type of the publisher, which it has to wait for."""
+    robot = Robot(peer, simulated(seed=0))
+    start_localize(robot, peer.folder, "odom", ros={"fields": {"ranges": "makerfabs"}})
+    robot.publish_world()
+    robot.set_time(EPOCH_NS)
+    text = '{"links": [{"A": "1", "R": "2.0"}, {"A": "2", "R": "0.0"}]}'
+    publication = encode.Publication("uwb", "std_msgs/String", {"data": text})
+    for _ in range(80):
+        robot.peer.publish(publication)
+        robot.peer.spin(0.1)
+        if "uwb from /peer" in robot.status("locfuse: topics"):
+            break
+    assert "uwb from /peer" in robot.status("locfuse: topics")
+    assert "ranges refused" not in robot.status("locfuse: messages")
+
+
 def test_a_topic_of_another_type_is_reported(peer: Peer) -> None:
     peer.start("localize", STARTS)
     offered(peer, "odom", "nav_msgs/Path")

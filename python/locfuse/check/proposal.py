@@ -6,14 +6,14 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 
 from locfuse.check.registry import check
 from locfuse.config.load import parse_config
-from locfuse.config.ros import TYPES, Ros, Topics, plain
+from locfuse.config.ros import Ros, Topics, plain, types_of
 from locfuse.io.recording import read_recording
 from locfuse.io.rosbag.bag_stream import Bag, is_bag
 from locfuse.types import NANOSECONDS, Columns, Log
@@ -26,23 +26,50 @@ BY_TYPE = ("odometry", "imu", "scans", "ranges", "positions", "landmark_sighting
 Lines = Iterator[tuple[str, Any, str]]  # key with its sections, value, where it comes from
 
 
-def proposal(path: Path, base: Path) -> str:
-    """Return the YAML of a configuration for a log folder or a bag, with comments.
+class Proposal(NamedTuple):
+    """A configuration as YAML with comments, and by name the files of the folder ``ros.world``.
 
-    `base` is the folder in which the configuration will be. What `check` finds stands at the end.
-    Raises LogError as `read_recording`.
+    These are for what a bag does not say, with gaps to be filled in; often there are none.
+    """
+
+    text: str
+    world: dict[str, str]
+
+
+def proposal(path: Path, base: Path, world: str = "world") -> Proposal:
+    """Return a configuration for a log folder or a bag.
+
+    `base` is the folder in which the configuration will be, `world` that of what has to be filled
+    in, if anything. What `check` finds stands at the end. Raises LogError as `read_recording`.
     """
     topics = dict(_topics(path)) if is_bag(path) else {}
     ros = Ros(topics=Topics(**{key: topic for key, (topic, _) in topics.items()}))
     log = read_recording(path, ros, base)
+    files = _gaps(log) if is_bag(path) else {}
+    filled = "to be filled in: where anchors and tags are"
     lines = [("log", _relative(path, base), "what this is for; --log names another"),
              *_keys(log),
+             *([("ros.world", world, filled)] if files else []),
              *((f"ros.topics.{key}", *found) for key, found in topics.items())]  # fmt: skip
     text = "".join(_written(lines))
     config = parse_config(yaml.safe_load(text))
     found = [f for f in check(config, log).findings if f.severity != "note"]
     problems = "".join(f"# {f.severity}: {f.what} ({f.where}): {f.advice}\n" for f in found)
-    return text + (f"\n# What `locfuse check` says of it:\n{problems}" if problems else "")
+    problems = f"\n# What `locfuse check` says of it:\n{problems}" if problems and not files else ""
+    return Proposal(text + problems, files)
+
+
+def _gaps(log: Log) -> dict[str, str]:
+    """Return files for anchors and tags of which the recording has ranges, but no positions."""
+    ranges = log.tables.get("ranges", {})
+    if not len(ranges.get("stamp_ns", ())) or "anchors" in log:
+        return {}
+    anchors = "".join(f"{name},,,\n" for name in np.unique(ranges["anchor"]).tolist())
+    tags = {name: [0.0, 0.0, 0.0] for name in np.unique(ranges["tag"]).tolist()
+            if name not in log.tags}  # fmt: skip
+    text = yaml.safe_dump({"tags": tags}, default_flow_style=None) if tags else ""
+    return {"anchors.csv": f"anchor,x_m,y_m,z_m\n{anchors}",
+            "log.yaml": f"# on the body: forward, to the left, up [m]\n{text}"}  # fmt: skip
 
 
 def _keys(log: Log) -> Lines:
@@ -111,14 +138,17 @@ def _topics(path: Path) -> Iterator[tuple[str, tuple[str, str]]]:
     usual = {key: plain(topic) for key, topic in vars(Topics()).items() if topic}
     there = {topic for topics in by_type.values() for topic in topics}
     for key in BY_TYPE:
-        types = TYPES[key]
-        found = {topic: count for kind in types for topic, count in by_type[kind].items()
-                 if topic not in usual.values()}  # fmt: skip
+        found = {
+            topic: (count, kind)
+            for kind in types_of(key)
+            for topic, count in by_type[kind].items()
+            if topic not in usual.values()
+        }
         if usual[key] in there or not found:
             continue
-        most = max(found, key=lambda topic: found[topic])
+        most = max(found, key=lambda topic: found[topic][0])
         others = f", not {', '.join(sorted(set(found) - {most}))}" if len(found) > 1 else ""
-        yield key, (most, f"found: {' or '.join(types)}{others}")
+        yield key, (most, f"found: {found[most][1]}{others}")
 
 
 def _relative(path: Path, base: Path) -> str:

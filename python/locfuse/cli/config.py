@@ -50,10 +50,19 @@ def init(
     """Write a configuration for a recording: the keys that matter, and where values come from."""
     if out.exists():
         raise ConfigError(f"{out}: is there already; name another file with --out")
-    text = proposal(log, out.parent)
-    write_whole(out, text)
-    print(text, end="")
-    print(f"\nwrote {visible(str(out))}; next: locfuse run {visible(str(out))} --out out/run")
+    world = out.parent / f"{out.stem}_world"
+    made = proposal(log, out.parent, world.name)
+    if made.world:
+        world.mkdir(parents=True, exist_ok=True)
+    for name in made.world:
+        if (world / name).exists():
+            raise ConfigError(f"{world / name}: is there already; name another file with --out")
+    for name, text in made.world.items():
+        write_whole(world / name, text)
+    write_whole(out, made.text)
+    print(made.text, end="")
+    gaps = f"fill in {visible(str(world / 'anchors.csv'))}, then " if made.world else ""
+    print(f"\nwrote {visible(str(out))}; next: {gaps}locfuse run {visible(str(out))} --out out/run")
 
 
 @app.command()

@@ -47,7 +47,6 @@ class Odometry(Strict):
     """Noise of wheel odometry; ``OdometryConfig`` in C++."""
 
     struct: ClassVar = _core.OdometryConfig()
-
     sigma_longitudinal_per_sqrt_m: DriftSigma = struct.sigma_longitudinal_per_sqrt_m
     """Along the motion, per distance driven [m/√m]."""
     sigma_lateral_per_sqrt_m: DriftSigma = struct.sigma_lateral_per_sqrt_m
@@ -70,7 +69,6 @@ class Range(Strict):
     """Ranges: noise of those that bring no sigma of their own; ``RangeConfig`` in C++."""
 
     struct: ClassVar = _core.RangeConfig()
-
     sigma_m: NonNegative = struct.sigma_m
     """Absolute part [m]."""
     sigma_relative: NonNegative = struct.sigma_relative
@@ -93,7 +91,6 @@ class Altitude(Strict):
     """Altimeter of a body that flies; ``AltitudeConfig`` in C++."""
 
     struct: ClassVar = _core.AltitudeConfig()
-
     altimeter_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.altimeter_up_m
     """Height of the altimeter over the body's origin [m]."""
     sigma_m: Positive = struct.sigma_m
@@ -108,7 +105,6 @@ class Position(Strict):
     """Position fixes: lever arm of the antenna, and sigmas; ``PositionConfig`` in C++."""
 
     struct: ClassVar = _core.PositionConfig()
-
     antenna_forward_m: float = struct.antenna_forward_m
     """Antenna in body, forward [m]."""
     antenna_left_m: float = struct.antenna_left_m
@@ -131,7 +127,6 @@ class Pose(Strict):
     """Sigmas of poses of other localizers; ``PoseConfig`` in C++."""
 
     struct: ClassVar = _core.PoseConfig()
-
     sigma_m: NonNegative = struct.sigma_m
     """Position sigma of a pose without sigmas of its own; 0: its position is not modelled [m]."""
     sigma_heading_rad: NonNegative = struct.sigma_heading_rad
@@ -156,7 +151,6 @@ class Limits(Strict):
     """Physical limits of robot and sensors; ``Limits`` in C++."""
 
     struct: ClassVar = _core.Limits()
-
     speed_mps: Limit = struct.speed_mps
     """Maximum speed of odometry [m/s]."""
     turn_rate_radps: Limit = struct.turn_rate_radps
@@ -189,7 +183,6 @@ class Landmark(Strict):
     """Noise of sightings that bring no sigmas of their own; ``RangeBearingConfig`` in C++."""
 
     struct: ClassVar = _core.RangeBearingConfig()
-
     sigma_range_m: Positive = struct.sigma_range_m
     """Sigma of the range to a landmark [m]."""
     sigma_bearing_rad: Positive = struct.sigma_bearing_rad
@@ -206,7 +199,6 @@ class Calibration(Strict):
     """Errors that the pose EKF learns, 0 for none; ``CalibrationConfig`` in C++."""
 
     struct: ClassVar = _core.CalibrationConfig()
-
     sigma_scale: DriftSigma = struct.sigma_scale
     """Scale error of the odometry distance."""
     sigma_direction_rad: DriftSigma = struct.sigma_direction_rad
@@ -335,7 +327,6 @@ class TagVelocity(Strict):
     """Noise of the velocities that odometry gives tags; ``VelocityConfig`` in C++."""
 
     struct: ClassVar = _core.VelocityConfig()
-
     sigma_forward_mps: NonNegative = struct.sigma_forward_mps
     """Forward speed of the wheels, common to all tags [m/s]."""
     sigma_lateral_mps: NonNegative = struct.sigma_lateral_mps
@@ -382,7 +373,6 @@ class ConstantVelocity(Strict):
     """Motion that nobody measures; ``ConstantVelocityConfig`` in C++."""
 
     struct: ClassVar = _core.ConstantVelocityConfig()
-
     sigma_velocity_per_sqrt_s: Positive = struct.sigma_velocity_per_sqrt_s
     """White acceleration along x and y [m/s/√s]."""
     sigma_climb_per_sqrt_s: Positive = struct.sigma_climb_per_sqrt_s
@@ -436,7 +426,6 @@ class ScanOdometry(Strict):
     """Odometry from scans; ``LocalMapConfig`` in C++."""
 
     struct: ClassVar = _core.LocalMapConfig()
-
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=10.0)] = struct.sigma_range_m
     """Range noise of one beam [m]."""
 
@@ -611,7 +600,6 @@ class LikelihoodField(Strict):
     """Where beams end; ``LikelihoodFieldConfig`` in C++, with the defaults of ``MclConfig``."""
 
     struct: ClassVar = _core.MclConfig().field
-
     sigma_hit_m: Annotated[float, Field(gt=1e-6, lt=1000.0)] = struct.sigma_hit_m
     """Minimum sigma of a return about its wall [m]."""
     random_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = struct.random_share
@@ -628,7 +616,6 @@ class BeamModel(Strict):
     """How far beams go; ``BeamModelConfig`` in C++."""
 
     struct: ClassVar = _core.BeamModelConfig()
-
     hit: Probability = struct.hit
     """Weight of readings near the range that the map predicts."""
     shorter: Probability = struct.shorter
@@ -655,7 +642,6 @@ class Switch(Strict):
     """When UWB takes over from scans; ``SwitchingMclConfig`` in C++."""
 
     struct: ClassVar = _core.SwitchingMclConfig()
-
     sigma_unsure_m: Positive = struct.sigma_unsure_m
     """Position sigma of the particles, along the largest axis, above which scans are suspect [m].
     """

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from locfuse.config.ros import POSE, TYPES, plain
+from locfuse.config.ros import POSE, TYPES, plain, types_of
 from locfuse.config.schema import SOURCES, RunConfig, places_antennas
 from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.io.rosbag.encode import Publication
+from locfuse.io.rosbag.fields import OtherMessages
 from locfuse.io.rosbag.fixes import Fixes, is_beside, overridden, unplaced
 from locfuse.io.rosbag.frames import check_frame
 from locfuse.live import MAX_KEPT, LiveHealth, LivePose, LiveRun, Row
@@ -44,7 +45,8 @@ class Subscription:
     """A topic to listen to.
 
     `topic` has no leading slash where it is relative to the node's namespace; `source` goes to
-    `Adapter.on`. The first of `types`, as ``nav_msgs/Odometry``, is the usual one. If `latched`,
+    `Adapter.on`. The first of `types`, as ``nav_msgs/Odometry``, is the usual one; none of them is
+    any type, that of its publisher. If `latched`,
     what was published before counts: ``transient_local`` in ROS 2. `queue` messages may wait.
     """
 
@@ -97,6 +99,7 @@ class Adapter:
             "initial_pose": self._initial_pose,
             "transforms": self._transforms,
         }
+        self._others = OtherMessages(ros)
         self._range_topics = {plain(topic): name for topic, name in ros.range_topics.items()}
         self.subscriptions = tuple(self._listens())
         self.announced = tuple(self._announces())
@@ -134,8 +137,14 @@ class Adapter:
         if config.searches_start or any(part is not None for part in makers):
             wanted.add("scans")
         listens = [
-            Subscription(plain(topic), source, types, source in LATCHED, QUEUES.get(source, 100))
-            for source, types in TYPES.items()
+            Subscription(
+                plain(topic),
+                source,
+                () if source in config.ros.fields else types_of(source),
+                source in LATCHED,
+                QUEUES.get(source, 100),
+            )
+            for source in TYPES
             if source in wanted and (topic := getattr(config.ros.topics, source)) is not None
         ]
         if "ranges" in config.use:
@@ -184,7 +193,17 @@ class Adapter:
 
     def _take(self, source: str, topic: str, message: Any) -> list[Publication]:
         try:
-            self._of[source](message, plain(topic))
+            shaped = message  # which is kept where it comes too early
+            if plain(topic) not in self._range_topics:
+                shaped = self._others.shaped(
+                    source,
+                    message,
+                    _type_of(message),
+                    self._now_ns or 0,
+                    lambda error: self._refuse(source, f"{topic}: {error}"),
+                )
+            if shaped is not None:
+                self._of[source](shaped, plain(topic))
         except EarlyMessage as early:
             if not self._early.keep(early, source, topic, message):
                 self._refuse(source, f"{topic}: too many messages wait for the clock")
@@ -556,6 +575,8 @@ class Adapter:
                 self._silent(one)
         if self._live is None:
             self._problem("map", self._missing())
+        for sentence in self._others.problems():
+            self._problem("fields", sentence)
 
     def _look_for_antennas(self, now_ns: int) -> None:
         """Say of which frames of fixes no static transform has come, which had time to."""
@@ -574,8 +595,9 @@ class Adapter:
                           f"{CLOCKS}")  # fmt: skip
 
     def _silent(self, one: Subscription) -> None:
+        of = f" ({' or '.join(one.types[:3])})" if one.types else ""
         self._problem(f"silent {one.topic}",
-                      f"nothing comes on {one.topic} ({' or '.join(one.types)}); is its driver "
+                      f"nothing comes on {one.topic}{of}; is its driver "
                       f"running, and is ros.topics.{one.source} the right name?")  # fmt: skip
 
     def _refuse(self, source: str, sentence: str) -> None:
@@ -597,3 +619,10 @@ class Adapter:
         """Return sentences for the log that have not been returned before."""
         published, self._problems = self._problems, []
         return published
+
+
+def _type_of(message: Any) -> str:
+    """Return the type of a message of either ROS, as ``nav_msgs/Odometry``."""
+    kind = type(message)
+    by_itself = getattr(message, "_type", None) or getattr(message, "__msgtype__", None)
+    return str(by_itself or f"{kind.__module__.partition('.')[0]}/{kind.__name__}")

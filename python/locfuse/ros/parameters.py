@@ -240,7 +240,7 @@ def _of_mapping(
         if _is_model(inside):
             yield from _of_model(inside, item, f"{prefix}{key}.{name}.")
         else:
-            kind = "float" if isinstance(item, float) else "text"
+            kind = {bool: "bool", int: "int", float: "float"}.get(type(item), "text")
             yield Parameter(
                 f"{prefix}{key}.{name}", kind, item, None, None, _description(model, key)
             )
@@ -284,6 +284,8 @@ def _kind(field: FieldInfo) -> str:
     (option,) = found
     if get_origin(option) is Literal:
         return "text"
+    if get_origin(option) is dict:
+        return "yaml"
     if get_origin(option) in (list, tuple):
         item = options(get_args(option)[0])[0]
         if _is_model(item):

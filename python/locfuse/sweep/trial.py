@@ -115,7 +115,7 @@ def _result(work: Work, trial: Trial) -> RunResult:
         config = config.model_copy(update={"mcl": config.mcl.model_copy(update={"threads": 1})})
     log = None
     if config.simulation is None and config.log is not None:
-        log = _log(config.model_dump_json(include={"log"}), work.base)
+        log = _log(config.model_dump_json(include={"log", "ros"}), work.base)
     return run(config, log, base=Path(work.base), seed=trial.seed)
 
 

@@ -40,7 +40,7 @@ class In:
     node : Node
     topic : str
     types : sequence of str
-        Possible types; the first is the default.
+        Possible types; the first is the default. None: the type of the first publisher.
     qos : QoSProfile
     callback : callable
         Called with a message and its info from rclpy.
@@ -61,10 +61,10 @@ class In:
         self._node, self._types, self._qos, self._callback = node, types, qos, callback
         self._advice = advice
         self._name = resolved(node, topic)
-        self._kind = types[0]
+        self._kind = types[0] if types else ""
         self._once = Once(node)
         self.publishers = 0
-        self._subscription = self._subscribe()
+        self._subscription = self._subscribe(self._kind) if types else None
 
     def look(self) -> None:
         """Without a matched publisher, look for publishers and switch to their type."""
@@ -75,19 +75,26 @@ class In:
             for info in self._node.get_publishers_info_by_topic(self._name)
             if info.node_name != self._node.get_name()
         }
-        ours = [kind for kind in self._types if kind in offered]
+        ours = [kind for kind in self._types or sorted(offered) if kind in offered]
         if ours and self._kind not in offered:
-            self._kind = ours[0]
-            self._node.destroy_subscription(self._subscription)
-            self._subscription = self._subscribe()
+            for kind in ours:
+                try:
+                    message_class(kind)
+                except LookupError as error:
+                    self._once.say(f"{self._name}: {error}")
+                    continue
+                if self._subscription is not None:  # one name has one type
+                    self._node.destroy_subscription(self._subscription)
+                self._kind, self._subscription = kind, self._subscribe(kind)
+                return
         elif offered and not ours:
-            expected = " or ".join(self._types)
+            expected = " or ".join(self._types[:3])
             self._once.say(
                 f"{self._name} has messages of type {', '.join(sorted(offered))}, which "
                 f"cannot be used; expected {expected}, or {self._advice}"
             )
 
-    def _subscribe(self) -> Any:
+    def _subscribe(self, kind: str) -> Any:
         def receive(message: Any, info: Any) -> None:
             self._callback(message, info)
             self._take_more()
@@ -96,7 +103,7 @@ class In:
             incompatible_qos=self._mismatch, matched=self._match, use_default_callbacks=False
         )
         return self._node.create_subscription(
-            message_class(self._kind), self._name, receive, self._qos, event_callbacks=events
+            message_class(kind), self._name, receive, self._qos, event_callbacks=events
         )
 
     def _take_more(self) -> None:

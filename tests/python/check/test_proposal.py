@@ -33,7 +33,7 @@ def without_sigma(log: Log) -> Log:
 
 def test_values_are_those_of_the_data(tmp_path: Path) -> None:
     write_log(without_sigma(log_of()), tmp_path / "drive")
-    text = proposal(tmp_path / "drive", tmp_path)
+    text = proposal(tmp_path / "drive", tmp_path).text
     settings = yaml.safe_load(text)
     assert settings["log"] == "drive"
     assert settings["start"] == "truth"
@@ -48,7 +48,7 @@ def test_a_robot_without_a_reference_starts_by_itself(tmp_path: Path) -> None:
     log = without_sigma(log_of(ranges={"rate_hz": 0.2}))
     tables = {key: table for key, table in log.tables.items() if key != "truth"}
     write_log(replace(log, tables=tables), tmp_path / "drive")
-    text = proposal(tmp_path / "drive", tmp_path)
+    text = proposal(tmp_path / "drive", tmp_path).text
     settings = yaml.safe_load(text)
     assert settings["start"] == "auto"
     assert settings["estimator"]["range"]["sigma_m"] == 0.3
@@ -57,7 +57,7 @@ def test_a_robot_without_a_reference_starts_by_itself(tmp_path: Path) -> None:
 
 def test_scans_on_a_map_ask_for_particles(tmp_path: Path) -> None:
     write_log(log_of(laser={"rate_hz": 2}, map={}, ranges=None), tmp_path / "drive")
-    assert yaml.safe_load(proposal(tmp_path / "drive", tmp_path))["mcl"] == {}
+    assert yaml.safe_load(proposal(tmp_path / "drive", tmp_path).text)["mcl"] == {}
 
 
 @pytest.mark.parametrize("has_truth", [True, False])
@@ -65,7 +65,7 @@ def test_altitudes_ask_for_a_flight(has_truth: bool, tmp_path: Path) -> None:
     log = log_of(flight={}, altitudes={}, laser={"rate_hz": 2}, map={})
     tables = {key: table for key, table in log.tables.items() if has_truth or key != "truth"}
     write_log(replace(log, tables=tables), tmp_path / "drive")
-    text = proposal(tmp_path / "drive", tmp_path)
+    text = proposal(tmp_path / "drive", tmp_path).text
     settings = yaml.safe_load(text)
     assert settings["estimator"]["kind"] == "air"
     assert settings["estimator"]["air"] == {"motion": "odometry"}
@@ -79,7 +79,7 @@ def test_topics_of_a_bag_are_found_by_their_types(tmp_path: Path) -> None:
     topics = Topics(odometry="husky/wheels", ranges="decawave")
     config = parse_config({"estimator": {"range": {"sigma_m": 0.2}}})
     write_bag(run(config, log_of()), tmp_path / "drive.mcap", Ros(topics=topics))
-    text = proposal(tmp_path / "drive.mcap", tmp_path / "configs")
+    text = proposal(tmp_path / "drive.mcap", tmp_path / "configs").text
     settings = yaml.safe_load(text)
     assert settings["log"] == str(tmp_path / "drive.mcap")
     assert settings["ros"]["topics"] == {"odometry": "husky/wheels", "ranges": "decawave"}
@@ -90,7 +90,7 @@ def test_what_check_finds_stands_at_the_end(tmp_path: Path) -> None:
     log = log_of()
     ranges = {**log["ranges"], "range_m": 1000.0 * log["ranges"]["range_m"]}
     write_log(replace(log, tables={**log.tables, "ranges": ranges}), tmp_path / "drive")
-    assert "# error: " in proposal(tmp_path / "drive", tmp_path)
+    assert "# error: " in proposal(tmp_path / "drive", tmp_path).text
 
 
 def test_a_log_that_is_none_is_refused(tmp_path: Path) -> None:

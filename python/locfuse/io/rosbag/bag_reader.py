@@ -24,6 +24,7 @@ from locfuse.io.rosbag.bag_warnings import nothing, say
 from locfuse.io.rosbag.columns import Blocks
 from locfuse.io.rosbag.container import Connection, NeedError
 from locfuse.io.rosbag.decode import MessageError, RangeRow
+from locfuse.io.rosbag.fields import OtherMessages
 from locfuse.io.rosbag.frames import check_frame
 from locfuse.io.rosbag.rows import Row
 from locfuse.io.rosbag.wire import broken, deserializer
@@ -96,6 +97,8 @@ class _BagReader:
         self.deserializers: dict[Connection, Callable[[bytes], Any] | None] = {}
         self.letters = 0  # of definitions
         ros = contents.ros
+        self.others = OtherMessages(ros)
+        self.single_ranges = set(map(plain, ros.range_topics))
         topics = {key: plain(topic) for key, topic in vars(ros.topics).items() if topic}
         self.readers: dict[str, tuple[str, Reader]] = {  # table and reader by topic
             "tf_static": ("", self._transforms),
@@ -140,7 +143,16 @@ class _BagReader:
                 self.contents.skip(topic, f"it cannot be unpacked ({error})")
                 continue
             try:
-                self._read(topic, time_ns, message)
+                if topic not in self.single_ranges:
+                    message = self.others.shaped(
+                        self.readers[topic][0],
+                        message,
+                        connection.type,
+                        time_ns,
+                        partial(self._skip_one, topic),
+                    )
+                if message is not None:
+                    self._read(topic, time_ns, message)
             except (MessageError, LogError) as error:
                 self.contents.skip(topic, str(error))
 
@@ -155,8 +167,14 @@ class _BagReader:
             record = {} if stem == "relations" else {"record_ns": time_ns}
             self.contents.tables.setdefault(stem, Blocks()).append({**record, **row})
 
+    def _skip_one(self, topic: str, error: MessageError) -> None:
+        """Leave out one measurement of several in a message."""
+        self.contents.skip(f"{topic}, singly,", str(error))
+
     def finish_positions(self) -> None:
         """Take the fix that waited for another, and say where the map begins."""
+        for sentence in self.others.problems():
+            self.contents.warn(sentence)
         fixes = self.contents.fixes
         for row in fixes.last_row():
             found = {"record_ns": row.stamp_ns, **rows.position_row(row), "frame": row.frame}

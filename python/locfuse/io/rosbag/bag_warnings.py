@@ -60,11 +60,13 @@ def _silent(contents: BagContents, bag: Bag) -> Iterator[tuple[str, str]]:
 def _advice(contents: BagContents, key: str, bag: Bag) -> str:
     """Return which topics have the type that one without messages should have."""
     configured = {plain(t) for t in vars(contents.ros.topics).values() if t is not None}
-    others = sorted(c.topic for c in bag.counts
-                    if c.type == TYPES.get(key) and c.topic not in configured)  # fmt: skip
+    types = ros.types_of(key) if key in TYPES else ()
+    others = {c.topic: c.type for c in bag.counts
+              if c.type in types and c.topic not in configured}  # fmt: skip
     if not others:
         return ""
-    return f"; {' and '.join(others)} of that type ({TYPES[key]}) may be meant: " \
+    return f"; {' and '.join(sorted(others))} of that type " \
+           f"({' and '.join(sorted(set(others.values())))}) may be meant: " \
            f"set ros.topics.{key}"  # fmt: skip
 
 
