@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import csv
 from collections import defaultdict
 from collections.abc import Iterator
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -64,12 +66,17 @@ def _gaps(log: Log) -> dict[str, str]:
     ranges = log.tables.get("ranges", {})
     if not len(ranges.get("stamp_ns", ())) or "anchors" in log:
         return {}
-    anchors = "".join(f"{name},,,\n" for name in np.unique(ranges["anchor"]).tolist())
-    tags = {name: [0.0, 0.0, 0.0] for name in np.unique(ranges["tag"]).tolist()
-            if name not in log.tags}  # fmt: skip
-    text = yaml.safe_dump({"tags": tags}, default_flow_style=None) if tags else ""
-    return {"anchors.csv": f"anchor,x_m,y_m,z_m\n{anchors}",
-            "log.yaml": f"# on the body: forward, to the left, up [m]\n{text}"}  # fmt: skip
+    anchors = StringIO()
+    table = csv.writer(anchors, lineterminator="\n")
+    table.writerow(["anchor", "x_m", "y_m", "z_m"])
+    table.writerows([name, "", "", ""] for name in np.unique(ranges["anchor"]).tolist())
+    files = {"anchors.csv": anchors.getvalue()}
+    missing = [name for name in np.unique(ranges["tag"]).tolist() if name not in log.tags]
+    if missing:
+        tags = {name: ["forward", "left", "up"] for name in missing}
+        text = yaml.safe_dump({"tags": tags}, default_flow_style=None)
+        files["log.yaml"] = f"# places of tags on the body [m]\n{text}"
+    return files
 
 
 def _keys(log: Log) -> Lines:

@@ -52,16 +52,15 @@ def init(
         raise ConfigError(f"{out}: is there already; name another file with --out")
     world = out.parent / f"{out.stem}_world"
     made = proposal(log, out.parent, world.name)
-    if made.world:
-        world.mkdir(parents=True, exist_ok=True)
-    for name in made.world:
-        if (world / name).exists():
-            raise ConfigError(f"{world / name}: is there already; name another file with --out")
+    if made.world and world.exists():
+        raise ConfigError(f"{world}: is there already; name another file with --out")
     for name, text in made.world.items():
+        world.mkdir(parents=True, exist_ok=True)
         write_whole(world / name, text)
     write_whole(out, made.text)
     print(made.text, end="")
-    gaps = f"fill in {visible(str(world / 'anchors.csv'))}, then " if made.world else ""
+    files = " and ".join(visible(str(world / name)) for name in made.world)
+    gaps = f"fill in {files}, then " if made.world else ""
     print(f"\nwrote {visible(str(out))}; next: {gaps}locfuse run {visible(str(out))} --out out/run")
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of a run: source of messages, start pose, estimators.
 
-Defaults are those of the C++ structs, which own them; names and bounds are repeated here, and a
-test compares them.
+Defaults are those of the C++ structs, which own them; names, bounds and the choices that are text
+are repeated here, and a test compares them.
 """
 
 from __future__ import annotations

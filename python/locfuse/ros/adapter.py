@@ -193,7 +193,7 @@ class Adapter:
 
     def _take(self, source: str, topic: str, message: Any) -> list[Publication]:
         try:
-            shaped = message  # which is kept where it comes too early
+            shaped = message  # what comes too early is kept as it came
             if plain(topic) not in self._range_topics:
                 shaped = self._others.shaped(
                     source,

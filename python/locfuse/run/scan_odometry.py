@@ -72,10 +72,10 @@ def _odometry_of(log: Log, drive: _core.ScanDrive) -> Columns:
     items += [(arrival, 1, scan) for arrival, scan in zip(arrived, scans, strict=True)]
     rows: list[tuple[int, int, float, float, float]] = []
     for arrival, _, item in sorted(items, key=lambda entry: entry[:2]):
-        if not isinstance(item, _core.LaserScan):
-            drive.on(item)
-            continue
         try:
+            if not isinstance(item, _core.LaserScan):
+                drive.on(item)
+                continue
             u = drive.on(item)
         except ValueError as problem:
             raise LogError(f"scan_odometry: {problem}") from problem

@@ -267,7 +267,7 @@ class _BagReader:
         """Return the usable ranges of a message; raise if there are only others."""
         near = [row for row in found if row.range_m <= MAX_RANGE_M]
         errors += [MessageError(f"a range of {row.range_m:g} m; are distances in mm? ros.uwb_unit "
-                                "says what they are")
+                                "says what they are, or ros.fields, as range_mm")
                    for row in found if row.range_m > MAX_RANGE_M]  # fmt: skip
         if errors and not near:
             raise errors[0]
@@ -300,7 +300,7 @@ class _BagReader:
         return [{"stamp_ns": row.stamp_ns, "x_m": row.x, "y_m": row.y, "z_m": row.z,
                  "heading_rad": row.heading}]  # fmt: skip
 
-    def _sightings(self, message: Any, _: str) -> list[Row]:
+    def _sightings(self, message: Any, topic: str) -> list[Row]:
         found = decode.sightings(message)
         for row in found:
             if self.contents.sight_frame is None:
@@ -310,6 +310,7 @@ class _BagReader:
                     f"a sighting is in frame {row.frame!r}, the first in "
                     f"{self.contents.sight_frame!r}: a log has one such sensor"
                 )
+        self.contents.count(f"{topic}, singly,", len(found))
         unknown = dict.fromkeys(rows.SIGHTED, np.nan)
         return [unknown | rows.sighting_row(row) for row in found]
 

@@ -23,7 +23,7 @@ UNITS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "rad": 1.0, "deg": math.pi /
 UNKNOWN_COVARIANCE = [0.0] * 36
 
 
-NOTHING_PASSES = 20  # measurements in a row, none of which passes the settings
+NOTHING_PASSES = 20  # measurements, none of which passes the settings
 Report = Callable[[MessageError], None]
 WRONG = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
@@ -107,9 +107,9 @@ class OtherMessages:
 
     def problems(self) -> list[str]:
         """Return a sentence for each source of which nothing passes the settings."""
-        return [f"none of {count} measurements of {source} passes 'only' and 'reject_above' of "
-                f"ros.fields.{source}"
-                for source, count in self._filtered.items() if count >= NOTHING_PASSES]  # fmt: skip
+        return [f"no measurement of {source} passes 'only' and 'reject_above' of its fields; see "
+                "ros.fields" for source, count in self._filtered.items()
+                if count >= NOTHING_PASSES]  # fmt: skip
 
 
 def preset_of(source: str, type_name: str, message: Any) -> Fields | None:

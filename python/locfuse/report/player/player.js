@@ -1128,7 +1128,8 @@ globalThis.LocfusePlayer = (() => {
       const beside = truth && truth.height ? ", and the truth" : "";
       this._frame(context, top, row, this.width < 520 ? "height [m]" : `height [m]${band}${beside}`);
       if (!(high >= low)) return;
-      for (const value of [low, high]) this._tick(context, y(value), `${+value.toPrecision(2)}`);
+      const digits = Math.max(0, Math.min(3, 1 - Math.floor(Math.log10(Math.max(high - low, 1e-3)))));
+      for (const value of [low, high]) this._tick(context, y(value), value.toFixed(digits));
     }
 
     _draw_nis(context, top, row) {
