@@ -63,9 +63,18 @@ Key key_of(const LaserScan& z) {
           {bits_of(mount.x), bits_of(mount.y), bits_of(mount.heading)}};
 }
 
+/// The first of the key, which mostly decides.
+std::int64_t id_of(const Range& z) { return z.anchor; }
+std::int64_t id_of(const PositionFix& z) { return number_of(z.tag); }
+std::int64_t id_of(const RangeBearing& z) { return number_of(z.landmark); }
+template <class M>
+std::int64_t id_of(const M& /*z*/) {
+  return 0;
+}
+
 template <class M>
 bool is_less(const M& a, const M& b) {
-  return key_of(a) < key_of(b);
+  return id_of(a) != id_of(b) ? id_of(a) < id_of(b) : key_of(a) < key_of(b);
 }
 bool is_less(const LaserScan& a, const LaserScan& b) {
   if (key_of(a) != key_of(b)) {

@@ -930,6 +930,14 @@ class RunConfig(Strict):
                 "altitudes": of.air.altitude.latency_s, "imu": self.imu.latency_s}  # fmt: skip
 
     @property
+    def latency_of_tables_s(self) -> dict[Source, float]:
+        """The same in a log that is prepared: what is made of scans has the stamps of scans."""
+        made: dict[Source, object] = {"odometry": self.scan_odometry,
+                                      "landmark_sightings": self.cylinders}  # fmt: skip
+        return {source: late if made.get(source) is None else 0.0
+                for source, late in self.latency_s.items()}  # fmt: skip
+
+    @property
     def searches_start(self) -> bool:
         """Whether the run finds its start itself."""
         return self.start in ("auto", "srls_headings")

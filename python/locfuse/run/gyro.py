@@ -31,7 +31,7 @@ def with_gyro(log: Log, config: RunConfig) -> Log:
     if not uses_gyro(config) or not len(log.tables.get("imu", {}).get("stamp_ns", ())):
         return log
     imu, gyro = log["imu"], _core.GyroOdometry(build_gyro_config(config))
-    late = config.latency_s["imu"] - config.latency_s["odometry"]
+    late = config.latency_s["imu"] - config.latency_of_tables_s["odometry"]
     arrived = imu.get("arrival_ns", imu["stamp_ns"])
     order = np.argsort(arrived, kind="stable")
     stamp = imu["stamp_ns"][order] - round(late * NANOSECONDS)

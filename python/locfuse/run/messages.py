@@ -52,7 +52,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     Raises LogError where nothing is left to fuse, or ranges come without anchors or tags.
     """
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
-        source: _undelayed(source, log[source], config.latency_s[source])
+        source: undelayed(source, log[source], config.latency_of_tables_s[source])
         for source in SOURCES
         if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }
@@ -136,7 +136,7 @@ def cut_off(
     return replace(log, tables=tables), replace(messages, **columns, end_ns=until_ns)
 
 
-def _undelayed(source: str, table: Columns, delay_s: float) -> Columns:
+def undelayed(source: str, table: Columns, delay_s: float) -> Columns:
     """Return a table at the stamps at which it was taken; it arrives when it did."""
     delay = round(delay_s * NANOSECONDS)
     if delay == 0:

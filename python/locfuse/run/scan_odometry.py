@@ -11,6 +11,7 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_estimator_config
 from locfuse.config.schema import RunConfig
+from locfuse.run.messages import undelayed
 from locfuse.run.missing_inputs import how_to_add
 from locfuse.run.start import scans_of
 from locfuse.types import Columns, Log, LogError
@@ -27,7 +28,12 @@ def with_scan_odometry(log: Log, config: RunConfig) -> Log:
     """
     if config.scan_odometry is None:
         return log
-    return replace(log, tables={**log.tables, "odometry": _odometry_of(log, scan_drive(config))})
+    tables = dict(log.tables)
+    if "odometry" in tables:
+        late = config.latency_s["odometry"]
+        tables["odometry"] = undelayed("odometry", tables["odometry"], late)
+    made = _odometry_of(replace(log, tables=tables), scan_drive(config))
+    return replace(log, tables={**log.tables, "odometry": made})
 
 
 def scan_drive(config: RunConfig) -> _core.ScanDrive:

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <future>
+#include <numeric>
 
 #include "locfuse/replay/replay.hpp"
 #include "support/expect.hpp"
@@ -150,6 +151,36 @@ TEST(Replay, without_history_late_messages_are_stale) {
   EXPECT_GT(std::count_if(log.outcomes.begin(), log.outcomes.end(),
                           [](const Outcome& o) { return o.verdict == Verdict::kStale; }),
             100);
+}
+
+TEST(Replay, what_arrives_together_has_its_outcome_in_whatever_order_it_stands) {
+  const testing::Simulation run = testing::simulate(5, 10.0);
+  MessageLog log;
+  for (const Message& message : run.messages) {
+    log.add(message, stamp_of(message));
+  }
+  log.sort();
+  const RunLog expected = replay(ekf_for(run), log, {});
+  std::vector<std::size_t> places(log.arrivals().size());
+  std::iota(places.begin(), places.end(), std::size_t{0});
+  std::stable_sort(places.begin(), places.end(), [&](std::size_t a, std::size_t b) {
+    const auto& first = log.arrivals()[a];
+    const auto& second = log.arrivals()[b];
+    return first.arrival != second.arrival ? first.arrival < second.arrival
+                                           : precedes(second.message, first.message);
+  });
+  MessageLog turned;
+  for (const std::size_t place : places) {
+    turned.add(log.arrivals()[place].message, log.arrivals()[place].arrival);
+  }
+  EXPECT_FALSE(std::is_sorted(places.begin(), places.end()));
+  const RunLog found = replay(ekf_for(run), turned, {});
+  expect_same(found.last, expected.last);
+  ASSERT_EQ(found.estimates.size(), expected.estimates.size());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    EXPECT_EQ(found.outcomes[i].verdict, expected.outcomes[places[i]].verdict);
+    EXPECT_EQ(found.outcomes[i].nis, expected.outcomes[places[i]].nis);
+  }
 }
 
 TEST(Replay, an_empty_log_leaves_the_start) {

@@ -291,6 +291,22 @@ def test_it_is_the_same_live_and_late_scans_are_left_out() -> None:
     assert_same(config, late_log, least=0.7)
 
 
+def test_a_latency_of_wheels_is_not_that_of_scans() -> None:
+    """Late wheels with their latency are wheels in time; the motion of scans is not moved."""
+    log = small_log()
+    odometry = {**log["odometry"], "stamp_ns": log["odometry"]["stamp_ns"] + 30_000_000}
+    arrival = np.concatenate([log["odometry"]["stamp_ns"][:1], log["odometry"]["stamp_ns"][:-1]])
+    late = Log(tables={**log.tables, "odometry": {**odometry, "arrival_ns": arrival}},
+               laser=log.laser)  # fmt: skip
+    given = {"scan_odometry": {}, "start": [0, 0, 0],
+            "estimator": {"odometry": {"latency_s": 0.03}}}  # fmt: skip
+    expected = run(parse_config({"scan_odometry": {}, "start": [0, 0, 0]}), log).estimate
+    found = run(parse_config(given), late).estimate
+    assert found.stamp_ns.tolist() == expected.stamp_ns.tolist()
+    assert np.array_equal(found.position, expected.position)
+    assert_same(parse_config(given), late, least=0.8)
+
+
 def test_scan_odometry_without_scans_is_one_sentence() -> None:
     config = parse_config({"scan_odometry": {}, "start": [0, 0, 0]})
     with pytest.raises(LogError, match="needs scans and a laser"):

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <functional>
 #include <limits>
 #include <optional>
@@ -118,16 +120,17 @@ class RunRecorder {
     }
   }
 
-  /// The next message of the log: kIgnored until an outcome is set.
-  void add_message() {
+  /// The next messages of the log: kIgnored until an outcome is set.
+  void add_messages(std::size_t count) {
     if (record_) {
-      run_.outcomes.emplace_back();
+      run_.outcomes.resize(run_.outcomes.size() + count);
     }
   }
-  /// The timeline receives it next: the estimate so far is final if time moves on.
-  void before(const Message& message) {
+  /// The timeline receives the message of that place in the log next: the estimate so far is final
+  /// if time moves on.
+  void before(const Message& message, std::size_t place) {
     if (record_) {
-      positions_.push_back(run_.outcomes.size() - 1);
+      positions_.push_back(place);
       if (effective_stamp(message) > stamp_of_current(estimator())) {
         keep_current();
         keep_health(run_, estimator());
@@ -198,10 +201,37 @@ class RunRecorder {
   std::vector<std::size_t> positions_;  // in the log, of the messages that the timeline received
 };
 
+/// Those of the messages of a log from `begin` on that arrive together and take effect together, in
+/// the order of `precedes`, which a Timeline would otherwise put them in one by one. Where they are
+/// more than it puts in order they stay as they are.
+template <class Estimator>
+void take_together(const std::vector<MessageLog::Arrival>& arrivals, std::size_t begin,
+                   std::vector<std::size_t>& together) {
+  const auto& first = arrivals[begin];
+  const Stamp effective = effective_stamp(first.message);
+  together.assign(1, begin);
+  for (std::size_t i = begin + 1; i < arrivals.size() && arrivals[i].arrival == first.arrival &&
+                                  effective_stamp(arrivals[i].message) == effective;
+       ++i) {
+    together.push_back(i);
+  }
+  if (together.size() > MessageHistory<Estimator>::kMaxOfInstant) {
+    return;
+  }
+  const auto before = [&](std::size_t a, std::size_t b) {
+    return precedes(arrivals[a].message, arrivals[b].message);
+  };
+  for (auto next = together.begin() + 1; next != together.end(); ++next) {  // allocates nothing
+    if (before(*next, *(next - 1))) {
+      std::rotate(std::upper_bound(together.begin(), next, *next, before), next, next + 1);
+    }
+  }
+}
+
 }  // namespace internal
 
-/// Feeds a log, sorted by arrival, to an estimator through a Timeline. The same input gives the
-/// same bits.
+/// Feeds a log, sorted by arrival, to an estimator through a Timeline; what arrives together and is
+/// of one stamp in the order of `precedes`. The same input gives the same bits.
 template <class Estimator>
 [[nodiscard]] RunLog replay(const Estimator& start, const MessageLog& log,
                             const ReplayOptions& options) {
@@ -213,25 +243,28 @@ template <class Estimator>
     recorder.set_outcome(index, outcome);
   };
   auto next_switch = options.switches.begin();
-  for (std::size_t i = 0; i < arrivals.size(); ++i) {
-    const Message& message = arrivals[i].message;
-    recorder.add_message();
-    if (effective_stamp(message) <= options.used_until) {
+  std::vector<std::size_t> together;
+  for (std::size_t begin = 0; begin < arrivals.size(); begin += together.size()) {
+    internal::take_together<Estimator>(arrivals, begin, together);
+    recorder.add_messages(together.size());
+    if (effective_stamp(arrivals[begin].message) <= options.used_until) {
       continue;
     }
-    recorder.before(message);
-    for (; next_switch != options.switches.end() && next_switch->arrival <= arrivals[i].arrival;
+    for (; next_switch != options.switches.end() && next_switch->arrival <= arrivals[begin].arrival;
          ++next_switch) {
       timeline.enable(next_switch->source, next_switch->enabled);
     }
-    const bool switches_next = i + 1 < arrivals.size() && next_switch != options.switches.end() &&
-                               next_switch->arrival <= arrivals[i + 1].arrival;
-    const bool may_wait = i + 1 < arrivals.size() && !switches_next &&
-                          internal::are_seen_together(message, arrivals[i + 1].message);
-    timeline.on(message, sink, may_wait);
-    recorder.after();
-    if (options.progress && (i + 1) % kProgressEvery == 0) {
-      options.progress(i + 1, recorder.update());
+    for (std::size_t k = 0; k < together.size(); ++k) {
+      const Message& message = arrivals[together[k]].message;
+      recorder.before(message, together[k]);
+      const bool may_wait = k + 1 < together.size() &&
+                            internal::are_seen_together(message, arrivals[together[k + 1]].message);
+      timeline.on(message, sink, may_wait);
+      recorder.after();
+    }
+    const std::size_t done = begin + together.size();
+    if (options.progress && done / kProgressEvery > begin / kProgressEvery) {
+      options.progress(done, recorder.update());
     }
   }
   return recorder.finish();
