@@ -8,7 +8,7 @@
 namespace locfuse {
 namespace {
 
-struct Tuning {
+struct ScanDriveTuning {
   static constexpr double kMeasured = 0.1;  ///< a velocity by scans is measured over so long [s]
   static constexpr Stamp kHold = 1'000'000'000;  ///< wheels that are silent for longer say nothing
   /// How much a body may change its velocity between two scans, where no wheels measure it.
@@ -49,7 +49,7 @@ bool ScanDrive::take_wheels(Stamp begin, Stamp stamp) {
     return false;
   }
   if (wheels_) {
-    const Stamp held = std::min(begin, *wheels_ + Tuning::kHold);
+    const Stamp held = std::min(begin, *wheels_ + ScanDriveTuning::kHold);
     moved_ = moved_ * driven(rate_, seconds_between(*wheels_, held));
   }
   wheels_ = stamp;
@@ -68,7 +68,7 @@ std::optional<Increment> ScanDrive::on(const LaserScan& scan) {
     return std::nullopt;
   }
   const double seconds = seconds_between(*at_, scan.stamp);
-  const bool has_wheels = wheels_ && scan.stamp <= *wheels_ + Tuning::kHold;
+  const bool has_wheels = wheels_ && scan.stamp <= *wheels_ + ScanDriveTuning::kHold;
   const Guess guess = has_wheels ? by_wheels(scan.stamp, seconds) : by_scans(seconds);
   const ScanMotion fitted = odometry_.on(scan, guess.motion, guess.covariance);
   const Increment found{*at_, scan.stamp, fitted.increment.motion};
@@ -83,7 +83,7 @@ std::optional<Increment> ScanDrive::on(const LaserScan& scan) {
 void ScanDrive::follow(const Pose2& motion, double seconds) {
   since_ = since_ * motion;
   seconds_ += seconds;
-  if (seconds_ >= Tuning::kMeasured) {
+  if (seconds_ >= ScanDriveTuning::kMeasured) {
     twist_ = rate_of(since_, seconds_);
     since_ = {};
     seconds_ = 0.0;
@@ -100,7 +100,8 @@ ScanDrive::Guess ScanDrive::by_wheels(Stamp stamp, double seconds) {
 
 ScanDrive::Guess ScanDrive::by_scans(double seconds) const {
   const Vector<3> sigma =
-      seconds * Vector<3>(Tuning::kSigmaSpeed, Tuning::kSigmaSpeed, Tuning::kSigmaTurnRate);
+      seconds * Vector<3>(ScanDriveTuning::kSigmaSpeed, ScanDriveTuning::kSigmaSpeed,
+                          ScanDriveTuning::kSigmaTurnRate);
   return {driven(twist_, seconds), sigma.cwiseAbs2().asDiagonal()};
 }
 
