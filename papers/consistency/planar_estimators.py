@@ -60,19 +60,22 @@ def config_of(scene: Mapping[str, Any], seed: int, calibration: Mapping[str, flo
     """Return a configuration without gates, whose filter knows the noise of the simulation."""
     of_antenna = ("antenna_forward_m", "antenna_left_m")
     lever = {key: value for key, value in scene.get("positions", {}).items() if key in of_antenna}
-    gates = {of: {"gate": 1.0} for of in ("range", "position", "pose", "landmark")}
     return parse_config(
         {
             "simulation": {"path": {"shape": "eight", "speed_mps": 0.5}, "duration_s": 20, **scene},
             "start_sigma": {"xy_m": 0.1, "heading_deg": 3.0},
             "estimator": {
                 "odometry": WHEELS,
-                "range": {"sigma_m": 0.1},
-                "position": lever,
-                "landmark": {"sigma_range_m": 0.05, "sigma_bearing_rad": float(np.deg2rad(1.0))},
+                "range": {"sigma_m": 0.1, "gate": 1.0},
+                "position": {**lever, "gate": 1.0},
+                "pose": {"gate": 1.0},
+                "landmark": {
+                    "sigma_range_m": 0.05,
+                    "sigma_bearing_rad": float(np.deg2rad(1.0)),
+                    "gate": 1.0,
+                },
                 "calibration": dict(calibration),
                 "correlation_s": 0,  # simulated errors are independent
-                **gates,
             },
             "seed": seed,
         }

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import load_config
-from locfuse.config.schema import Calibration, Dataset
+from locfuse.config.schema import Calibration, Dataset, Range
 from locfuse.core import DistanceField, OccupancyGrid, Pose2
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
@@ -623,7 +623,7 @@ def test_a_recorded_drive_is_localized_within_its_limit(
         ("plaza.yaml", {"anchors": {}}, 0.40),
         ("plaza_online.yaml", {"estimator": {"calibration": Calibration()}}, 0.40),
         ("tuc_labyrinth.yaml", {"anchors": {}}, 0.08),
-        ("mrpt_office.yaml", {"estimator": {"range": {"noise": "gaussian", "gate": 1.0}}}, 0.13),
+        ("mrpt_office.yaml", {"estimator": {"range": Range(sigma_m=0.05, gate=1.0)}}, 0.13),
         ("mrpt_office.yaml", {"estimator": {"calibration": Calibration()}}, 0.13),
     ],
     ids=["plaza without the stated scale", "plaza that learns nothing",
