@@ -413,7 +413,7 @@ def test_the_form_shows_where_a_thing_was_dragged_to(page: Page) -> None:
             "fast",
             "expected a number",
         ),
-        ("estimator", "estimator", "estimator.range.gate", "2", "expected at most 1"),
+        ("estimator", "estimator", "estimator.hold_s", "-1", "greater than 0"),
         ("estimator", "start_sigma", "start_sigma.xy_m", "0", "greater than 0"),
         ("estimator", None, "start", "[1, 2]", "expected 'truth', 'auto'"),
     ],
