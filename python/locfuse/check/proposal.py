@@ -55,10 +55,13 @@ def proposal(path: Path, base: Path, world: str = "world") -> Proposal:
              *((f"ros.topics.{key}", *found) for key, found in topics.items())]  # fmt: skip
     text = "".join(_written(lines))
     config = parse_config(yaml.safe_load(text))
+    if files:  # of which `check` has nothing else to say
+        return Proposal(text, files)
     found = [f for f in check(config, log).findings if f.severity != "note"]
     problems = "".join(f"# {f.severity}: {f.what} ({f.where}): {f.advice}\n" for f in found)
-    problems = f"\n# What `locfuse check` says of it:\n{problems}" if problems and not files else ""
-    return Proposal(text + problems, files)
+    if problems:
+        text += f"\n# What `locfuse check` says of it:\n{problems}"
+    return Proposal(text, files)
 
 
 def _gaps(log: Log) -> dict[str, str]:

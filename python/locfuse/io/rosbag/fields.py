@@ -7,6 +7,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import cache
 from types import SimpleNamespace as Shape
 from typing import Any
 
@@ -114,12 +115,18 @@ class OtherMessages:
 
 def preset_of(source: str, type_name: str, message: Any) -> Fields | None:
     """Return how a message of a driver is read whose type is known, of several by its fields."""
-    name = type_name.replace("/msg/", "/")
-    found = [one.fields for one in presets().values() if one.source == source and name in one.types]
-    fits = [fields for fields in found if all(
+    found = _presets_of(source, type_name)
+    fits = (fields for fields in found if all(
         hasattr(message, path) for path in fields.columns.values()
-        if fields.each is None and isinstance(path, str))]  # fmt: skip
-    return next(iter(fits or found), None)
+        if fields.each is None and isinstance(path, str)))  # fmt: skip
+    return next(fits, found[0]) if found else None
+
+
+@cache  # asked for each message
+def _presets_of(source: str, type_name: str) -> tuple[Fields, ...]:
+    name = type_name.replace("/msg/", "/")
+    return tuple(one.fields for one in presets().values()
+                 if one.source == source and name in one.types)  # fmt: skip
 
 
 def _at(message: Any, path: str) -> Any:
@@ -156,12 +163,16 @@ def _header(message: Any, received_ns: int) -> Shape:
     header = _get(message, "header")
     stamp = _get(message if header is None else header, "stamp")
     found = Shape(stamp=None, frame_id=plain(str(_get(header, "frame_id") or "")))
-    known = stamp_ns(stamp) if hasattr(stamp, "sec") or hasattr(stamp, "secs") else 0
+    known = stamp_ns(stamp) if _is_stamp(stamp) else 0
     return _stamped(found, known or received_ns)
 
 
 def _get(holder: Any, name: str) -> Any:
     return holder.get(name) if isinstance(holder, Mapping) else getattr(holder, name, None)
+
+
+def _is_stamp(given: Any) -> bool:
+    return hasattr(given, "sec") or hasattr(given, "secs")
 
 
 def _stamped(header: Shape, stamp: int) -> Shape:
@@ -171,7 +182,7 @@ def _stamped(header: Shape, stamp: int) -> Shape:
 
 def _stamp(message: Any, column: str, path: str) -> int:
     given = _at(message, path.removeprefix("/"))
-    if hasattr(given, "sec") or hasattr(given, "secs"):
+    if _is_stamp(given):
         return stamp_ns(given)
     seconds = _number(message, message, column, path)
     if not 0.0 < seconds < MAX_STAMP_NS / NANOSECONDS:
