@@ -11,8 +11,10 @@
 #include <thread>
 #include <unordered_map>
 #include <utility>
+#include <variant>
 
 #include "locfuse/frontends/scan_odometry.hpp"
+#include "locfuse/messages/message.hpp"
 #include "locfuse/replay/live.hpp"
 #include "locfuse/replay/localize.hpp"
 
@@ -80,6 +82,18 @@ template <class T, class M>
 auto unlocked_on() {
   return [](T& object, const M& message) {
     const Alone alone(&object);
+    return object.on(message);
+  };
+}
+
+/// Method `on` of any message, without the GIL for those that are heavy.
+template <class T, class... Heavy>
+auto on_message() {
+  return [](T& object, const locfuse::Message& message) {
+    if ((std::holds_alternative<Heavy>(message) || ...)) {
+      const Alone alone(&object);
+      return object.on(message);
+    }
     return object.on(message);
   };
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pybind11/native_enum.h>
 
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/air_ekf.hpp"
 
@@ -140,18 +141,13 @@ Examples
 )")
       .def(py::init<const AirEkf::Config&, const locfuse::World&, const AirEstimate&>(),
            py::arg("config"), py::arg("world"), py::arg("start"))
+      .def("on", on_message<AirEkf>(), py::arg("message"),
+           "Fuses one message; a message that is not fused leaves the estimator unchanged.")
       .def("on", py::overload_cast<const locfuse::Velocity&, double>(&AirEkf::on),
-           py::arg("message"), py::arg("climb_rate") = 0.0)
+           py::arg("message"), py::arg("climb_rate"))
       .def("on", py::overload_cast<const locfuse::Increment&, double>(&AirEkf::on),
-           py::arg("message"), py::arg("climb_rate") = 0.0)
-      .def("on", py::overload_cast<const locfuse::Range&>(&AirEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PositionFix&>(&AirEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Altitude&>(&AirEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&AirEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&AirEkf::on), py::arg("message"),
-           "Fuses one message; a message that is not fused leaves the estimator unchanged. "
-           "`climb_rate` [m/s] applies as long as the odometry message.")
+           py::arg("message"), py::arg("climb_rate"),
+           "The same with a climb rate [m/s], which applies as long as the odometry message.")
       .def("advance_to", &AirEkf::advance_to, py::arg("stamp"))
       .def("estimate", py::overload_cast<>(&AirEkf::estimate, py::const_),
            "AirEstimate propagated to the end of the latest odometry.")

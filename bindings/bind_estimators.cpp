@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pybind11/native_enum.h>
 
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/pose_ekf.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
@@ -253,14 +254,7 @@ Examples
 )")
       .def(py::init<const Config&, const World&, const PoseEstimate&>(), py::arg("config"),
            py::arg("world"), py::arg("start"))
-      .def("on", py::overload_cast<const locfuse::Velocity&>(&PoseEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Increment&>(&PoseEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const Range&>(&PoseEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PositionFix&>(&PoseEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&PoseEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Altitude&>(&PoseEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&PoseEkf::on), py::arg("message"),
+      .def("on", on_message<PoseEkf>(), py::arg("message"),
            "Fuses one message; a message that is not fused leaves the estimator unchanged.")
       .def("on_joint", py::overload_cast<const std::vector<Range>&>(&PoseEkf::on_joint),
            py::arg("epoch"),

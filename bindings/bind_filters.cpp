@@ -74,6 +74,7 @@ void bind_filters(py::module_& m) {
       .value("NO_RETURNS", Reason::kNoReturns)
       .value("COVERED", Reason::kCovered)
       .value("NUMERICAL", Reason::kNumerical)
+      .value("REPLACED", Reason::kReplaced)
       .finalize();
   py::class_<Outcome>(m, "Outcome", "Verdict on one message with its innovation statistics.")
       .def_readonly("verdict", &Outcome::verdict)

@@ -5,14 +5,11 @@
 #include "bindings.hpp"
 #include "locfuse/estimators/gyro_odometry.hpp"
 #include "locfuse/estimators/scan_drive.hpp"
-#include "numpy.hpp"
 
 namespace py = pybind11;
 using locfuse::GyroOdometry;
 using locfuse::Imu;
 using locfuse::ScanDrive;
-using locfuse::Stamp;
-using locfuse::Vector;
 
 namespace {
 
@@ -26,27 +23,6 @@ template <class Message>
 std::optional<GyroOdometry::Motion> turned(GyroOdometry& odometry, const Message& message) {
   const Alone alone(&odometry);
   return odometry.on(message);
-}
-
-void add_samples(GyroOdometry& odometry, const Integers<Stamp>& stamps, const Column<double>& rates,
-                 const std::optional<Column<double>>& forces) {
-  const Column<Stamp> stamp = checked("stamp_ns", stamps, "64-bit nanoseconds");
-  expect_shape("angular_rate", rates, stamp.size(), 3);
-  if (forces) {
-    expect_shape("specific_force", *forces, stamp.size(), 3);
-  }
-  const Stamp* t = stamp.data();
-  const double* w = rates.data();
-  const double* a = forces ? forces->data() : nullptr;
-  const py::ssize_t rows = stamp.size();
-  const Alone alone(&odometry);
-  for (py::ssize_t i = 0; i < rows; ++i) {
-    Imu z{t[i], Eigen::Map<const Vector<3>>(w + 3 * i)};
-    if (a != nullptr) {
-      z.specific_force = Eigen::Map<const Vector<3>>(a + 3 * i);
-    }
-    odometry.on(z);
-  }
 }
 
 }  // namespace
@@ -123,9 +99,6 @@ Examples
            "pause of a second.")
       .def("on", &turned<locfuse::Increment>, py::arg("u"),
            "Returns the motion with its turn by both.")
-      .def("add", &add_samples, py::arg("stamp_ns"), py::arg("angular_rate"),
-           py::arg("specific_force") = py::none(),
-           "Takes samples, a row each: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].")
       .def_property_readonly("bias", &GyroOdometry::bias,
                              "Of the gyro about the vertical, as known now [rad/s].")
       .def_property_readonly("sigma_bias", &GyroOdometry::sigma_bias, "[rad/s].");

@@ -78,17 +78,7 @@ Examples
 'WAITING'
 )")
       .def(py::init<const Config&, const locfuse::World&>(), py::arg("config"), py::arg("world"))
-      .def("on", py::overload_cast<const locfuse::Velocity&>(&Initializer::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Increment&>(&Initializer::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Range&>(&Initializer::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PositionFix&>(&Initializer::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&Initializer::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&Initializer::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Altitude&>(&Initializer::on), py::arg("message"))
-      .def("on", unlocked_on<Initializer, locfuse::LaserScan>(), py::arg("message"),
+      .def("on", on_message<Initializer, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message.")
       .def("state", &Initializer::state)
       .def("estimator", &Initializer::estimator,

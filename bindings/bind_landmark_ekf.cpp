@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/landmark_ekf.hpp"
 
@@ -86,12 +87,7 @@ Examples
 )")
       .def(py::init<const Config&, const locfuse::World&, const locfuse::PoseEstimate&>(),
            py::arg("config"), py::arg("world"), py::arg("start"))
-      .def("on", py::overload_cast<const locfuse::Velocity&>(&LandmarkEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Increment&>(&LandmarkEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PositionFix&>(&LandmarkEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&LandmarkEkf::on),
-           py::arg("message"),
+      .def("on", on_message<LandmarkEkf>(), py::arg("message"),
            "Fuses one message; a message that is not fused leaves the estimator unchanged.")
       .def("on_joint", &LandmarkEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),

@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <pybind11/native_enum.h>
-
 #include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/replay/live.hpp"
@@ -107,6 +105,16 @@ ValueError
     If the message is not valid; it is discarded.
 )")
       .def(
+          "on",
+          [](LiveMcl& live, const std::vector<locfuse::MadeMotion>& motions) {
+            const Alone alone(&live);
+            const Estimates estimates(live);
+            live.on(motions, estimates.observer());
+            return estimates.all();
+          },
+          py::arg("motions"),
+          "Takes the motions that one message changed, of an OdometryTimeline; returns as above.")
+      .def(
           "finish",
           [](LiveMcl& live) {
             const Alone alone(&live);
@@ -148,13 +156,6 @@ ValueError
 }  // namespace
 
 void bind_live(py::module_& m) {
-  using locfuse::ClockJump;
-  py::native_enum<ClockJump>(m, "ClockJump", "enum.Enum",
-                             "Reaction to a backward jump of the message clock.")
-      .value("REFUSE", ClockJump::kRefuse, "Messages are STALE until the clock has caught up.")
-      .value("RESET", ClockJump::kReset, "Restart with the initial estimator.")
-      .value("CONTINUE", ClockJump::kContinue, "Continue from the same pose at the new time.")
-      .finalize();
   bind_live_mcl(m);
   py::class_<Live>(m, "Live",
                    R"(RecoveringEkf fed with live messages in order of arrival.
@@ -206,6 +207,9 @@ Examples
            py::arg_v("clock_jump", locfuse::ClockJump::kRefuse, "ClockJump.REFUSE"),
            py::arg("max_messages") = locfuse::TimelineOptions{}.max_messages,
            py::arg("patience") = Live::Options{}.patience)
+      .def("on", unlocked_on<Live, std::vector<locfuse::MadeMotion>>(), py::arg("motions"),
+           "Processes the motions that one message changed, of an OdometryTimeline; returns the "
+           "Outcome of the first. STALE where one that is made again is no longer kept.")
       .def("on", unlocked_on<Live, locfuse::Message>(), py::arg("message"),
            R"(Processes a message and returns its Outcome.
 

@@ -153,15 +153,10 @@ False
            "another localizer, whose stamp must not precede the last "
            "message.\n\nRaises\n------\nValueError\n    If the covariance is not positive "
            "definite, the stamp is too early, or not 0 < share <= 1.")
-      .def("on", py::overload_cast<const locfuse::Velocity&>(&Mcl::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Increment&>(&Mcl::on), py::arg("message"))
-      .def("on", unlocked_on<Mcl, locfuse::Range>(), py::arg("message"))
-      .def("on", unlocked_on<Mcl, locfuse::PositionFix>(), py::arg("message"))
-      .def("on", unlocked_on<Mcl, locfuse::PoseObservation>(), py::arg("message"))
-      .def("on", unlocked_on<Mcl, locfuse::RangeBearing>(), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Altitude&>(&Mcl::on), py::arg("message"))
-      .def("on", unlocked_on<Mcl, locfuse::LaserScan>(), py::arg("message"),
-           "Processes one message.")
+      .def("on",
+           on_message<Mcl, locfuse::Range, locfuse::PositionFix, locfuse::PoseObservation,
+                      locfuse::RangeBearing, locfuse::LaserScan>(),
+           py::arg("message"), "Processes one message.")
       .def("overall_estimate", &Mcl::overall_estimate,
            "PoseEstimate with the covariance of all particles about their mean, over all clusters.")
       .def_property_readonly("explained", &Mcl::explained,

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <pybind11/native_enum.h>
+
 #include <cmath>
 
 #include "bindings.hpp"
+#include "locfuse/replay/clock_jump.hpp"
 #include "numpy.hpp"
 #include "shared_log.hpp"
 
@@ -23,10 +26,16 @@ Column<Id> checked_ids(const char* name, const Ids& ids) {
   return checked(name, ids, "a 32-bit id");
 }
 
+/// Of motions that were made: what of each row is in a MadeMotion.
+struct Origins {
+  const std::int64_t* of = nullptr;
+  const bool* again = nullptr;
+};
+
 // Adds one message per row; `arrivals` may be absent.
 template <class Make>
 void add_rows(SharedLog& log, const Column<Stamp>& stamps, const std::optional<Stamps>& arrivals,
-              const Make& make) {
+              const Make& make, const Origins& origins = {}) {
   const py::ssize_t n = stamps.size();
   expect_shape("stamp_ns", stamps, n);
   std::optional<Column<Stamp>> arrival_ns;
@@ -39,7 +48,12 @@ void add_rows(SharedLog& log, const Column<Stamp>& stamps, const std::optional<S
   const py::gil_scoped_release release;
   log.log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
     const Message message = make(static_cast<py::ssize_t>(row));
-    return {arrival != nullptr ? arrival[row] : effective_stamp(message), message};
+    MessageLog::Arrival made{arrival != nullptr ? arrival[row] : effective_stamp(message), message};
+    if (origins.of != nullptr) {
+      made.origin = static_cast<std::size_t>(origins.of[row]);
+      made.again = origins.again[row];
+    }
+    return made;
   });
 }
 
@@ -57,6 +71,13 @@ double checked_sigma(const char* what, double sigma) {
 }  // namespace
 
 void bind_message_log(py::module_& m) {
+  using locfuse::ClockJump;
+  py::native_enum<ClockJump>(m, "ClockJump", "enum.Enum",
+                             "Reaction to a backward jump of the message clock.")
+      .value("REFUSE", ClockJump::kRefuse, "Messages are STALE until the clock has caught up.")
+      .value("RESET", ClockJump::kReset, "Restart with the initial estimator.")
+      .value("CONTINUE", ClockJump::kContinue, "Continue from the same pose at the new time.")
+      .finalize();
   const auto no_arrival = py::arg("arrival_ns") = py::none();
   py::class_<SharedLog>(m, "MessageLog", R"(Recorded messages, added column by column.
 
@@ -96,7 +117,9 @@ may replay it at once.
           "add_increments",
           [](SharedLog& log, const Stamps& begins, const Stamps& stamps,
              const Column<double>& motion, const std::optional<Stamps>& arrival,
-             const std::optional<Column<double>>& variance) {
+             const std::optional<Column<double>>& variance,
+             const std::optional<Column<std::int64_t>>& origin,
+             const std::optional<Column<bool>>& again) {
             const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
             const Column<Stamp> begin = checked_stamps("begin_ns", begins);
             expect_shape("begin_ns", begin, stamp.size());
@@ -104,22 +127,66 @@ may replay it at once.
             if (variance) {
               expect_shape("variance", *variance, stamp.size(), 3);
             }
-            add_rows(log, stamp, arrival,
-                     [&, b = begin.data(), t = stamp.data(), u = motion.data(),
-                      s = variance ? variance->data() : nullptr](py::ssize_t i) -> Message {
-                       locfuse::Increment motion_of_row{
-                           b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
-                       if (s != nullptr && !std::isnan(s[3 * i])) {
-                         motion_of_row.variance = Eigen::Map<const locfuse::Vector<3>>(s + 3 * i);
-                       }
-                       return motion_of_row;
-                     });
+            Origins origins;
+            if (origin && again) {
+              expect_shape("origin", *origin, stamp.size());
+              expect_shape("again", *again, stamp.size());
+              origins = {origin->data(), again->data()};
+            }
+            add_rows(
+                log, stamp, arrival,
+                [&, b = begin.data(), t = stamp.data(), u = motion.data(),
+                 s = variance ? variance->data() : nullptr](py::ssize_t i) -> Message {
+                  locfuse::Increment motion_of_row{
+                      b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
+                  if (s != nullptr && !std::isnan(s[3 * i])) {
+                    motion_of_row.variance = Eigen::Map<const locfuse::Vector<3>>(s + 3 * i);
+                  }
+                  return motion_of_row;
+                },
+                origins);
           },
           py::arg("begin_ns"), py::arg("stamp_ns"), py::arg("motion"), no_arrival,
-          py::arg("variance") = py::none(),
+          py::arg("variance") = py::none(), py::arg("origin") = py::none(),
+          py::arg("again") = py::none(),
           "Motions (n, 3) from begin_ns to stamp_ns: dx, dy [m], dheading [rad] in the body frame "
           "at begin_ns; their variances (n, 3), or those of a row of NaN, default to those of the "
-          "model.")
+          "model. `origin` and `again` as of MadeOdometry.")
+      .def(
+          "add_samples",
+          [](SharedLog& log, const Stamps& stamps, const Column<double>& rate,
+             const std::optional<Column<double>>& force, const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
+            expect_shape("angular_rate", rate, stamp.size(), 3);
+            if (force) {
+              expect_shape("specific_force", *force, stamp.size(), 3);
+            }
+            const double* a = force ? force->data() : nullptr;
+            add_rows(log, stamp, arrival, [=, t = stamp.data(), w = rate.data()](py::ssize_t i) {
+              locfuse::Imu z{t[i], Eigen::Map<const locfuse::Vector<3>>(w + 3 * i)};
+              if (a != nullptr) {
+                z.specific_force = Eigen::Map<const locfuse::Vector<3>>(a + 3 * i);
+              }
+              return Message(z);
+            });
+          },
+          py::arg("stamp_ns"), py::arg("angular_rate"), py::arg("specific_force") = py::none(),
+          no_arrival, "Of an inertial sensor: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].")
+      .def(
+          "add_scans",
+          [](SharedLog& log, const std::vector<locfuse::LaserScan>& scans,
+             const std::optional<Stamps>& arrivals) {
+            std::optional<Column<Stamp>> arrival;
+            if (arrivals) {
+              arrival = checked_stamps("arrival_ns", *arrivals);
+              expect_shape("arrival_ns", *arrival, static_cast<py::ssize_t>(scans.size()));
+            }
+            const Use use(log, Use::Kind::kChange);
+            log.log.add_rows(scans.size(), [&](std::size_t i) -> MessageLog::Arrival {
+              return {arrival ? arrival->data()[i] : scans[i].stamp, scans[i]};
+            });
+          },
+          py::arg("scans"), no_arrival)
       .def(
           "add_ranges",
           [](SharedLog& log, const Stamps& stamps, const Ids& tags, const Ids& anchors,

@@ -111,6 +111,7 @@ void bind_messages(py::module_& m) {
       .value("LANDMARK_SIGHTINGS", Source::kSightings)
       .value("SCANS", Source::kScans)
       .value("ALTITUDES", Source::kAltitudes)
+      .value("IMU", Source::kImu)
       .finalize();
   py::class_<Velocity>(m, "Velocity",
                        "Wheel odometry as body velocities, constant from `stamp` [ns] until the "

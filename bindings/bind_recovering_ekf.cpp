@@ -64,20 +64,7 @@ True
       .def("start_from", &RecoveringEkf::start_from, py::arg("found"),
            "Tracks from the pose that an Initializer has found.\n\nRaises\n------\nValueError\n"
            "    Unless it is READY.")
-      .def("on", py::overload_cast<const locfuse::Velocity&>(&RecoveringEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Increment&>(&RecoveringEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Range&>(&RecoveringEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PositionFix&>(&RecoveringEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PoseObservation&>(&RecoveringEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::RangeBearing&>(&RecoveringEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Altitude&>(&RecoveringEkf::on),
-           py::arg("message"))
-      .def("on", unlocked_on<RecoveringEkf, locfuse::LaserScan>(), py::arg("message"),
+      .def("on", on_message<RecoveringEkf, locfuse::LaserScan>(), py::arg("message"),
            "Processes one message. Its outcome is IGNORED until tracking starts.")
       .def("on_joint", &RecoveringEkf::on_joint, py::arg("sightings"),
            py::arg_v("association", locfuse::Association::kJoint, "Association.JOINT"),

@@ -14,13 +14,15 @@ using locfuse::Smoothed;
 namespace {
 
 /// One more than the place of the last odometry that takes effect up to a stamp; 0 without any.
-std::size_t odometry_at(const locfuse::MessageLog& log, locfuse::Stamp stamp) {
+std::size_t odometry_at(const locfuse::MessageLog& log, const std::vector<bool>& replaced,
+                        locfuse::Stamp stamp) {
   std::size_t found = 0;
   locfuse::Stamp latest = std::numeric_limits<locfuse::Stamp>::min();
   for (std::size_t i = 0; i < log.arrivals().size(); ++i) {
     const locfuse::Message& message = log.arrivals()[i].message;
-    if (source_of(message) == locfuse::Source::kOdometry && effective_stamp(message) <= stamp &&
-        effective_stamp(message) >= latest) {
+    const bool counts = replaced.empty() || !replaced[i];
+    if (counts && source_of(message) == locfuse::Source::kOdometry &&
+        effective_stamp(message) <= stamp && effective_stamp(message) >= latest) {
       latest = effective_stamp(message);
       found = i + 1;
     }
@@ -37,8 +39,12 @@ Smoothed smooth(const locfuse::PoseEkf::Config& config, const locfuse::World& wo
   std::vector<locfuse::Message> messages;
   std::vector<std::size_t> places;  // of them in the log
   messages.reserve(log.log.arrivals().size());
-  const std::size_t under_way = used_until ? odometry_at(log.log, *used_until) : 0;
+  const std::vector<bool> replaced = log.log.replaced();
+  const std::size_t under_way = used_until ? odometry_at(log.log, replaced, *used_until) : 0;
   for (std::size_t i = 0; i < log.log.arrivals().size(); ++i) {
+    if (!replaced.empty() && replaced[i]) {
+      continue;
+    }
     locfuse::Message message = log.log.arrivals()[i].message;
     if (used_until && i + 1 == under_way) {
       if (auto* velocity = std::get_if<locfuse::Velocity>(&message)) {

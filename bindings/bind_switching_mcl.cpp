@@ -95,16 +95,10 @@ Examples
   bound
       .def(py::init<const Config&, locfuse::Mcl, locfuse::RecoveringEkf>(), py::arg("config"),
            py::arg("mcl"), py::arg("uwb"))
-      .def("on", py::overload_cast<const locfuse::Velocity&>(&SwitchingMcl::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Increment&>(&SwitchingMcl::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Range&>(&SwitchingMcl::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::PositionFix&>(&SwitchingMcl::on),
-           py::arg("message"))
-      .def("on", unlocked_on<SwitchingMcl, locfuse::PoseObservation>(), py::arg("message"))
-      .def("on", unlocked_on<SwitchingMcl, locfuse::RangeBearing>(), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Altitude&>(&SwitchingMcl::on), py::arg("message"))
-      .def("on", unlocked_on<SwitchingMcl, locfuse::LaserScan>(), py::arg("message"),
+      .def("on",
+           on_message<SwitchingMcl, locfuse::PoseObservation, locfuse::RangeBearing,
+                      locfuse::LaserScan>(),
+           py::arg("message"),
            "Processes one message. Ranges and fixes go to the UWB filter, all others weight "
            "particles.")
       .def_property_readonly(

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pybind11/native_enum.h>
 
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "locfuse/estimators/tag_triangle_ekf.hpp"
 #include "locfuse/frontends/tag_conditioner.hpp"
@@ -338,12 +339,7 @@ Examples
            py::arg("config"), py::arg("world"), py::arg("start"))
       .def(py::init<const Config&, const locfuse::World&, const std::vector<PositionFix>&>(),
            py::arg("config"), py::arg("world"), py::arg("start"))
-      .def("on", py::overload_cast<const PositionFix&>(&TagTriangleEkf::on), py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Velocity&>(&TagTriangleEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Increment&>(&TagTriangleEkf::on),
-           py::arg("message"))
-      .def("on", py::overload_cast<const locfuse::Range&>(&TagTriangleEkf::on), py::arg("message"),
+      .def("on", on_message<TagTriangleEkf>(), py::arg("message"),
            "Fuses one message; a message that is not fused leaves the estimator unchanged. After "
            "odometry the sides of the triangle are fused.")
       .def("hold_sides", &TagTriangleEkf::hold_sides,

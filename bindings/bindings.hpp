@@ -8,6 +8,7 @@
 #include <pybind11/typing.h>
 
 #include "locfuse/math/linearization.hpp"
+#include "locfuse/messages/message.hpp"
 
 /// Binding functions, one per topic; module.cpp calls them in order.
 void bind_math(pybind11::module_& m);
@@ -33,6 +34,7 @@ void bind_tags(pybind11::module_& m);
 void bind_message_log(pybind11::module_& m);
 void bind_replay(pybind11::module_& m);
 void bind_live(pybind11::module_& m);
+void bind_odometry_timeline(pybind11::module_& m);
 void bind_smoothing(pybind11::module_& m);
 void bind_text(pybind11::module_& m);
 
@@ -43,3 +45,36 @@ template <int M, int N, int MaxM>
 AnyLinearization any_size(const locfuse::Linearization<M, N, MaxM>& lin) {
   return {lin.residual, lin.jacobian, lin.noise};
 }
+
+namespace pybind11::detail {
+
+/// Message by the type of the Python object, not by trying one kind after the other.
+template <>
+struct type_caster<locfuse::Message> : variant_caster<locfuse::Message> {
+  bool load(handle source, bool convert) {
+    return load_exact(source, std::make_index_sequence<std::variant_size_v<locfuse::Message>>()) ||
+           variant_caster<locfuse::Message>::load(source, convert);
+  }
+
+ private:
+  template <std::size_t... I>
+  bool load_exact(handle source, std::index_sequence<I...> /*all*/) {
+    static const PyObject* const types[] = {
+        type::of<std::variant_alternative_t<I, locfuse::Message>>().ptr()...};
+    const PyObject* given = reinterpret_cast<PyObject*>(Py_TYPE(source.ptr()));
+    return (
+        (given == types[I] && load_as<std::variant_alternative_t<I, locfuse::Message>>(source)) ||
+        ...);
+  }
+  template <class M>
+  bool load_as(handle source) {
+    make_caster<M> message;
+    if (!message.load(source, false)) {
+      return false;
+    }
+    value = cast_op<const M&>(message);
+    return true;
+  }
+};
+
+}  // namespace pybind11::detail

@@ -56,6 +56,7 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_mcl(m);
   bind_switching_mcl(m);
   bind_message_log(m);
+  bind_odometry_timeline(m);
   bind_live(m);
   bind_replay(m);
   bind_smoothing(m);

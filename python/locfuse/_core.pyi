@@ -75,6 +75,8 @@ __all__: list[str] = [
     "LocalMap",
     "LocalMapConfig",
     "LocalizeRun",
+    "MadeMotion",
+    "MadeOdometry",
     "Mcl",
     "MclConfig",
     "MessageLog",
@@ -87,6 +89,7 @@ __all__: list[str] = [
     "OccupancyGrid",
     "OdometryConfig",
     "OdometryMotion",
+    "OdometryTimeline",
     "Outcome",
     "PointDistanceConfig",
     "PointDistanceModel",
@@ -308,6 +311,7 @@ class Source(enum.Enum):
     """
 
     ALTITUDES = ...
+    IMU = ...
     LANDMARK_SIGHTINGS = ...
     ODOMETRY = ...
     POSES = ...
@@ -2466,6 +2470,7 @@ class Reason(enum.IntEnum):
     NO_RETURNS = ...
     NO_SIGMA = ...
     NUMERICAL = ...
+    REPLACED = ...
     SOURCE_EXCLUDED = ...
     SWITCHED_OFF = ...
     TOO_FAR_AHEAD = ...
@@ -3013,20 +3018,18 @@ class PoseEkf:
         """
         Fuses a user-defined measurement of the pose at `stamp` [ns] with a Jacobian (m, 3). Linearize at `estimate(stamp).pose`.
         """
-    @typing.overload
-    def on(self, message: Velocity) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Increment) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Range) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PoseObservation) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Altitude) -> Outcome: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> Outcome:
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged.
         """
@@ -3335,24 +3338,30 @@ class AirEkf:
         """
     @typing.overload
     def on(
-        self, message: Velocity, climb_rate: typing.SupportsFloat | typing.SupportsIndex = 0.0
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> Outcome:
+        """
+        Fuses one message; a message that is not fused leaves the estimator unchanged.
+        """
+    @typing.overload
+    def on(
+        self, message: Velocity, climb_rate: typing.SupportsFloat | typing.SupportsIndex
     ) -> Outcome: ...
     @typing.overload
     def on(
-        self, message: Increment, climb_rate: typing.SupportsFloat | typing.SupportsIndex = 0.0
-    ) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Range) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Altitude) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PoseObservation) -> Outcome: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> Outcome:
+        self, message: Increment, climb_rate: typing.SupportsFloat | typing.SupportsIndex
+    ) -> Outcome:
         """
-        Fuses one message; a message that is not fused leaves the estimator unchanged. `climb_rate` [m/s] applies as long as the odometry message.
+        The same with a climb rate [m/s], which applies as long as the odometry message.
         """
     @property
     def belief(self) -> GaussianBelief: ...
@@ -3468,15 +3477,6 @@ class GyroOdometry:
     ('TURNED', 0.05)
     """
     def __init__(self, config: GyroOdometryConfig) -> None: ...
-    def add(
-        self,
-        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
-        angular_rate: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-        specific_force: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
-    ) -> None:
-        """
-        Takes samples, a row each: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].
-        """
     @typing.overload
     def on(self, z: Imu) -> None:
         """
@@ -3986,14 +3986,18 @@ class TagTriangleEkf:
         """
         Fuses the three sides at the current belief; for use without odometry and without `holds_sides`.
         """
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Velocity) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Increment) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Range) -> Outcome:
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged. After odometry the sides of the triangle are fused.
         """
@@ -4162,22 +4166,18 @@ class Initializer:
         ValueError
             If the state is not READY.
         """
-    @typing.overload
-    def on(self, message: Velocity) -> None: ...
-    @typing.overload
-    def on(self, message: Increment) -> None: ...
-    @typing.overload
-    def on(self, message: Range) -> None: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> None: ...
-    @typing.overload
-    def on(self, message: PoseObservation) -> None: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> None: ...
-    @typing.overload
-    def on(self, message: Altitude) -> None: ...
-    @typing.overload
-    def on(self, message: LaserScan) -> None:
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> None:
         """
         Processes one message.
         """
@@ -4357,14 +4357,18 @@ class LandmarkEkf:
         """
         All landmarks, in the order of their creation.
         """
-    @typing.overload
-    def on(self, message: Velocity) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Increment) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> Outcome:
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged.
         """
@@ -4790,22 +4794,18 @@ class RecoveringEkf:
         """
         HealthReport of the estimate.
         """
-    @typing.overload
-    def on(self, message: Velocity) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Increment) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Range) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PoseObservation) -> Outcome: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Altitude) -> Outcome: ...
-    @typing.overload
-    def on(self, message: LaserScan) -> Outcome:
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> Outcome:
         """
         Processes one message. Its outcome is IGNORED until tracking starts.
         """
@@ -5164,22 +5164,18 @@ class Mcl:
         ValueError
             If the covariance is not positive definite, the stamp is too early, or not 0 < share <= 1.
         """
-    @typing.overload
-    def on(self, message: Velocity) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Increment) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Range) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PoseObservation) -> Outcome: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Altitude) -> Outcome: ...
-    @typing.overload
-    def on(self, message: LaserScan) -> Outcome:
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> Outcome:
         """
         Processes one message.
         """
@@ -5420,22 +5416,18 @@ class SwitchingMcl:
         """
         HealthReport of the estimate; docs/health.md.
         """
-    @typing.overload
-    def on(self, message: Velocity) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Increment) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Range) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PositionFix) -> Outcome: ...
-    @typing.overload
-    def on(self, message: PoseObservation) -> Outcome: ...
-    @typing.overload
-    def on(self, message: RangeBearing) -> Outcome: ...
-    @typing.overload
-    def on(self, message: Altitude) -> Outcome: ...
-    @typing.overload
-    def on(self, message: LaserScan) -> Outcome:
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> Outcome:
         """
         Processes one message. Ranges and fixes go to the UWB filter, all others weight particles.
         """
@@ -5480,6 +5472,15 @@ class SwitchingMcl:
         Mean NIS per row of the last ranges or fixes: 1 if the UWB filter is consistent.
         """
 
+class ClockJump(enum.Enum):
+    """
+    Reaction to a backward jump of the message clock.
+    """
+
+    CONTINUE = ...
+    REFUSE = ...
+    RESET = ...
+
 class MessageLog:
     """
     Recorded messages, added column by column.
@@ -5509,9 +5510,11 @@ class MessageLog:
         motion: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
         variance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        origin: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+        again: typing.Annotated[numpy.typing.ArrayLike, numpy.bool] | None = None,
     ) -> None:
         """
-        Motions (n, 3) from begin_ns to stamp_ns: dx, dy [m], dheading [rad] in the body frame at begin_ns; their variances (n, 3), or those of a row of NaN, default to those of the model.
+        Motions (n, 3) from begin_ns to stamp_ns: dx, dy [m], dheading [rad] in the body frame at begin_ns; their variances (n, 3), or those of a row of NaN, default to those of the model. `origin` and `again` as of MadeOdometry.
         """
     def add_poses(
         self,
@@ -5544,6 +5547,21 @@ class MessageLog:
         sigma: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
         arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
     ) -> None: ...
+    def add_samples(
+        self,
+        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
+        angular_rate: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        specific_force: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+    ) -> None:
+        """
+        Of an inertial sensor: (n,), (n, 3) [rad/s] and (n, 3) [m/s^2].
+        """
+    def add_scans(
+        self,
+        scans: collections.abc.Sequence[LaserScan],
+        arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+    ) -> None: ...
     def add_sightings(
         self,
         stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
@@ -5572,14 +5590,150 @@ class MessageLog:
         Sorts by arrival; the sort is stable.
         """
 
-class ClockJump(enum.Enum):
+class MadeMotion:
     """
-    Reaction to a backward jump of the message clock.
+    Motion that an OdometryTimeline made.
     """
+    @property
+    def again(self) -> bool:
+        """
+        Whether it is in place of an earlier one of that origin.
+        """
+    @property
+    def increment(self) -> Increment: ...
+    @property
+    def origin(self) -> int:
+        """
+        Number of the message that ended it, in order of arrival.
+        """
+    @property
+    def slipped(self) -> bool:
+        """
+        Whether gyro and wheels contradict.
+        """
 
-    CONTINUE = ...
-    REFUSE = ...
-    RESET = ...
+class MadeOdometry:
+    """
+    Motions made of a log, as columns.
+    """
+    def __len__(self) -> int: ...
+    @property
+    def again(self) -> numpy.typing.NDArray[numpy.bool]:
+        """
+        Whether a row is in place of an earlier one of that origin, (n,).
+        """
+    @property
+    def arrival_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        When they were made, (n,).
+        """
+    @property
+    def begin_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        (n,).
+        """
+    @property
+    def motion(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        dx, dy [m], dheading [rad], (n, 3).
+        """
+    @property
+    def origin(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Place in the log of the message that ended each, (n,).
+        """
+    @property
+    def slipped(self) -> numpy.typing.NDArray[numpy.bool]:
+        """
+        Whether gyro and wheels contradict, (n,).
+        """
+    @property
+    def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Where they end, (n,).
+        """
+    @property
+    def variance(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Of the motion, (n, 3); NaN where the model's noise holds.
+        """
+
+class OdometryTimeline:
+    """
+    Odometry of wheels with a gyro, of a laser's scans, or of both, from messages as they arrive.
+
+    They count in order of stamps: after a late message the motions from it on are made again.
+
+    Parameters
+    ----------
+    gyro : GyroOdometryConfig, optional
+        A turn is by the gyro, too.
+    scans : ScanOdometryConfig, optional
+        Scans make the odometry; wheels only show where each fit begins.
+    odometry : OdometryConfig
+        Noise of the wheels beside scans.
+    history : int
+        Maximum delay of a message [ns].
+    clock_jump : ClockJump
+        Reaction to a backward jump of the clock; after CONTINUE the odometry starts anew.
+    max_messages : int
+        Maximum number of messages kept for reordering, at least 512.
+
+    Raises
+    ------
+    ValueError
+        If there is neither a gyro nor scans, or an option is out of range.
+
+    Examples
+    --------
+    >>> from locfuse import Pose2
+    >>> from locfuse.core import GyroOdometryConfig, Imu, Increment, OdometryTimeline
+    >>> timeline = OdometryTimeline(gyro=GyroOdometryConfig())
+    >>> timeline.on(Imu(0, [0.0, 0.0, 0.2]))
+    []
+    >>> [made.again for made in timeline.on(Increment(0, 10**8, Pose2(0.1, 0.0, 0.02)))]
+    [False]
+    >>> [made.again for made in timeline.on(Imu(5 * 10**7, [0.0, 0.0, 0.3]))]  # it comes late
+    [True]
+    """
+    def __init__(
+        self,
+        gyro: GyroOdometryConfig | None = None,
+        scans: ScanOdometryConfig | None = None,
+        odometry: OdometryConfig = ...,
+        history: typing.SupportsInt | typing.SupportsIndex = 2000000000,
+        clock_jump: ClockJump = ...,
+        max_messages: typing.SupportsInt | typing.SupportsIndex = 100000,
+    ) -> None: ...
+    def of_log(self, log: MessageLog) -> MadeOdometry:
+        """
+        Takes a sorted log; returns the MadeOdometry of it.
+        """
+    def on(
+        self,
+        message: Velocity
+        | Increment
+        | Range
+        | PositionFix
+        | PoseObservation
+        | RangeBearing
+        | Altitude
+        | LaserScan
+        | Imu,
+    ) -> list[MadeMotion]:
+        """
+        Takes a message; returns the MadeMotion that it ends, if it does, and those made again.
+
+        Raises
+        ------
+        ValueError
+            If the message is not valid; it is discarded.
+        """
+    @property
+    def outcome(self) -> Outcome:
+        """
+        Outcome of the last message: STALE if it was too late.
+        """
 
 class LiveMcl:
     """
@@ -5650,6 +5804,7 @@ class LiveMcl:
         """
         HealthReport of the estimate; docs/health.md.
         """
+    @typing.overload
     def on(
         self,
         message: Velocity
@@ -5659,7 +5814,8 @@ class LiveMcl:
         | PoseObservation
         | RangeBearing
         | Altitude
-        | LaserScan,
+        | LaserScan
+        | Imu,
     ) -> list[PoseEstimate]:
         """
         Takes a message or a scan; returns a PoseEstimate for each scan whose turn it is now.
@@ -5668,6 +5824,11 @@ class LiveMcl:
         ------
         ValueError
             If the message is not valid; it is discarded.
+        """
+    @typing.overload
+    def on(self, motions: collections.abc.Sequence[MadeMotion]) -> list[PoseEstimate]:
+        """
+        Takes the motions that one message changed, of an OdometryTimeline; returns as above.
         """
     @property
     def dropped_messages(self) -> int:
@@ -5775,6 +5936,12 @@ class Live:
         """
         HealthReport of the estimate.
         """
+    @typing.overload
+    def on(self, motions: collections.abc.Sequence[MadeMotion]) -> Outcome:
+        """
+        Processes the motions that one message changed, of an OdometryTimeline; returns the Outcome of the first. STALE where one that is made again is no longer kept.
+        """
+    @typing.overload
     def on(
         self,
         message: Velocity
@@ -5784,7 +5951,8 @@ class Live:
         | PoseObservation
         | RangeBearing
         | Altitude
-        | LaserScan,
+        | LaserScan
+        | Imu,
     ) -> Outcome:
         """
         Processes a message and returns its Outcome.

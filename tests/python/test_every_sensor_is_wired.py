@@ -57,24 +57,27 @@ WIRING = {
 }
 
 
-def variant() -> list[str]:
-    """Return the messages of the C++ variant, the one register of sensors.
+# Of which there is no model of one pose: particles and front ends take them.
+OF_FRONT_ENDS = {"LaserScan", "Imu"}
 
-    Without scans, of which there is no model of one pose: particles and front ends take them.
-    """
+
+def variant() -> list[str]:
+    """Return the messages of the C++ variant, the one register of sensors, but `OF_FRONT_ENDS`."""
     header = ROOT / "cpp" / "include" / "locfuse" / "messages" / "message.hpp"
     found = re.search(
         r"using Message =\s+std::variant<([^>]*)>", header.read_text(encoding="utf-8")
     )
     assert found is not None
     names = [name.strip() for name in found[1].split(",")]
-    assert "LaserScan" in names
-    return [name for name in names if name != "LaserScan"]
+    assert set(names) >= OF_FRONT_ENDS
+    return [name for name in names if name not in OF_FRONT_ENDS]
 
 
 def fused_by_the_estimator() -> set[str]:
-    """Return the messages that PoseEkf.on is bound for."""
-    return set(re.findall(r"message: locfuse\._core\.(\w+)", lf.PoseEkf.on.__doc__ or ""))
+    """Return the messages that PoseEkf.on is bound for, but `OF_FRONT_ENDS`."""
+    signature = re.search(r"message: ([^)]*)\)", lf.PoseEkf.on.__doc__ or "")
+    assert signature is not None
+    return set(re.findall(r"locfuse\._core\.(\w+)", signature[1])) - OF_FRONT_ENDS
 
 
 def in_space() -> Scenario:

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from locfuse.config.load import parse_config
-from locfuse.config.schema import Cylinders, Mcl, RunConfig
+from locfuse.config.schema import USABLE, Cylinders, Mcl, RunConfig
 from locfuse.io.rosbag.bag_reader import read_bag
 from locfuse.io.rosbag.bag_writer import write_bag
 from locfuse.io.rosbag.decode import decimal, decimals
@@ -113,6 +113,29 @@ def test_run_and_live(case: str) -> None:
     config, log = driven(case)
     assert run(config, log).metrics["position_rmse_m"] < 0.3
     assert_same(config, log, least=0.4)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case not in (HEADINGS, "poses")])
+def test_late_scans_give_the_bits_of_the_sorted_log(case: str) -> None:
+    """One in five by half a second. A search waits less, and so do poses of particles."""
+    config, log = driven(case)
+    rng = np.random.default_rng(1)
+    in_time, late = dict(log.tables), dict(log.tables)
+    for source, table in log.tables.items():
+        if source not in (*USABLE, "scans"):
+            continue
+        stamp = table["stamp_ns"]
+        may_be_late = source in ("scans", "positions")
+        is_late = (rng.random(len(stamp)) < 0.2) & may_be_late
+        in_time[source] = {**table, "arrival_ns": stamp}
+        late[source] = {**table, "arrival_ns": stamp + np.where(is_late, 500_000_000, 0)}
+    expected = run(config, replace(log, tables=in_time)).estimate
+    found = run(config, replace(log, tables=late)).estimate
+    assert found.position[-1].tolist() == expected.position[-1].tolist()
+    assert found.heading is not None
+    assert expected.heading is not None
+    assert found.heading[-1] == expected.heading[-1]
+    assert_same(config, replace(log, tables=late), least=0.3)
 
 
 @pytest.mark.parametrize("ros", ["ros1", "ros2"])

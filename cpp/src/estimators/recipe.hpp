@@ -86,7 +86,7 @@ template <class Config, class Lin>
 void name_source(const Config& config, std::optional<Lin>& lin, Source kind, Id id) {
   if (lin) {
     lin->correlation.time_s = config.correlation_s;
-    static_assert(kSources <= kErrorKinds);
+    static_assert(static_cast<std::size_t>(Source::kImu) <= kErrorKinds);  // the last: no error
     lin->correlation.kind = static_cast<std::size_t>(kind);
     std::iota(lin->correlation.sources.begin(), lin->correlation.sources.end(),
               source_of(kind, id));
@@ -111,12 +111,14 @@ inline void expect_correlated(GaussianBelief& belief, double correlation_s) {
   }
 }
 
-/// Passes a message on to `on` of its kind; one of the kinds `Ignored` is kIgnored if it is valid.
+/// Passes a message on to `on` of its kind; one of the kinds `Ignored` is kIgnored if it is valid,
+/// and so is an Imu, which an Odometer takes.
 template <class... Ignored, class Estimator>
 Outcome dispatch(Estimator& estimator, const Message& message) {
   return std::visit(
       [&](const auto& m) -> Outcome {
-        if constexpr ((std::is_same_v<std::decay_t<decltype(m)>, Ignored> || ...)) {
+        using M = std::decay_t<decltype(m)>;
+        if constexpr (std::is_same_v<M, Imu> || (std::is_same_v<M, Ignored> || ...)) {
           validate(m);
           return {Verdict::kIgnored, Reason::kNotUsed};
         } else {

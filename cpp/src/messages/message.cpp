@@ -56,6 +56,13 @@ Key key_of(const RangeBearing& z) {
            z.covariance ? bits_of((*z.covariance)(0, 0)) : 0,
            z.covariance ? bits_of((*z.covariance)(1, 1)) : 0}};
 }
+Key key_of(const Imu& z) {
+  const Vector<3> force = z.specific_force.value_or(Vector<3>::Zero());
+  return {z.specific_force ? 1 : 0,
+          0,
+          {bits_of(z.angular_rate.x()), bits_of(z.angular_rate.y()), bits_of(z.angular_rate.z()),
+           bits_of(force.x()), bits_of(force.z())}};
+}
 Key key_of(const LaserScan& z) {
   const Pose2 mount = z.geometry ? z.geometry->pose_in_body : Pose2{};
   return {static_cast<std::int64_t>(z.ranges.size()),

@@ -456,9 +456,7 @@ Outcome Mcl::on(const Altitude& z) {
   return {Verdict::kNotModelled, Reason::kNotUsed};
 }
 
-Outcome Mcl::on(const Message& message) {
-  return std::visit([this](const auto& m) { return on(m); }, message);
-}
+Outcome Mcl::on(const Message& message) { return internal::dispatch(*this, message); }
 
 Mcl Mcl::restarted(const PoseEstimate& pose) const {
   Mcl again = *this;

@@ -84,9 +84,7 @@ Outcome SwitchingMcl::on(const LaserScan& z) {
   return outcome;
 }
 
-Outcome SwitchingMcl::on(const Message& message) {
-  return std::visit([this](const auto& m) { return on(m); }, message);
-}
+Outcome SwitchingMcl::on(const Message& message) { return internal::dispatch(*this, message); }
 
 SwitchingMcl SwitchingMcl::restarted(const PoseEstimate& pose) const {
   SwitchingMcl again(config_, mcl_.restarted(pose), uwb_);

@@ -194,7 +194,8 @@ void AirSum::forget(Stamp until) {
     std::visit(
         [this](const auto& m) {
           using M = std::decay_t<decltype(m)>;
-          if constexpr (!std::is_same_v<M, Range> && !std::is_same_v<M, LaserScan>) {
+          if constexpr (!std::is_same_v<M, Range> && !std::is_same_v<M, LaserScan> &&
+                        !std::is_same_v<M, Imu>) {
             weigh(m);
           }
         },
@@ -236,7 +237,8 @@ void AirSum::fuse_at(const Component& from, const Vector<3>& place, const std::v
         if (z == nullptr) {
           fused.log_weight += std::visit(
               [&](const auto& m) -> double {
-                if constexpr (std::is_same_v<std::decay_t<decltype(m)>, LaserScan>) {
+                using M = std::decay_t<decltype(m)>;
+                if constexpr (std::is_same_v<M, LaserScan> || std::is_same_v<M, Imu>) {
                   return 0.0;
                 } else {
                   return log_density_of(m, fused.ekf.on(m), config_);

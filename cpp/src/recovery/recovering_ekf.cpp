@@ -191,9 +191,7 @@ Outcome RecoveringEkf::on(const PoseObservation& z) { return correct(z); }
 Outcome RecoveringEkf::on(const RangeBearing& z) { return correct(z); }
 Outcome RecoveringEkf::on(const Altitude& z) { return correct(z); }
 
-Outcome RecoveringEkf::on(const Message& message) {
-  return std::visit([this](const auto& m) { return on(m); }, message);
-}
+Outcome RecoveringEkf::on(const Message& message) { return internal::dispatch(*this, message); }
 
 Outcome RecoveringEkf::on(const LaserScan& z) {
   validate(z);

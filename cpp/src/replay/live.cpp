@@ -22,9 +22,13 @@ Outcome Live::on(const Message& message) {
   if (disabled_[static_cast<std::size_t>(source_of(message))]) {
     return {Verdict::kIgnored, Reason::kSwitchedOff};
   }
+  return search_or_track(message);
+}
+
+Outcome Live::search_or_track(const Message& message, std::size_t origin) {
   const bool is_scan = std::holds_alternative<LaserScan>(message);
   if (timeline_) {
-    return is_scan ? Outcome{Verdict::kIgnored, Reason::kNotUsed} : track(message);
+    return is_scan ? Outcome{Verdict::kIgnored, Reason::kNotUsed} : track(message, origin);
   }
   if (!is_scan && search_.is_late(message)) {
     const bool is_merely_late = options_.timeline.clock_jump == ClockJump::kRefuse ||
@@ -36,7 +40,29 @@ Outcome Live::on(const Message& message) {
     relocalize();
   }
   consecutive_late_ = is_scan ? consecutive_late_ : 0;
-  search_.on(message);
+  search_.on(message, origin);
+  check_search();
+  return {Verdict::kIgnored, Reason::kNotStarted};
+}
+
+Outcome Live::on(const std::vector<MadeMotion>& motions) {
+  if (motions.empty()) {
+    return {Verdict::kIgnored, Reason::kNone};
+  }
+  if (disabled_[static_cast<std::size_t>(Source::kOdometry)]) {
+    return {Verdict::kIgnored, Reason::kSwitchedOff};
+  }
+  if (timeline_) {
+    return track(motions);
+  }
+  if (!are_made_again(motions)) {
+    Outcome outcome;
+    for (const MadeMotion& motion : motions) {
+      outcome = search_or_track(motion.increment, motion.origin);
+    }
+    return outcome;
+  }
+  search_.on(motions);
   check_search();
   return {Verdict::kIgnored, Reason::kNotStarted};
 }
@@ -52,22 +78,36 @@ void Live::check_search() {
   started.start_from(search_.initializer());
   is_from_search_ = true;
   track_from(std::move(started));
-  const std::vector<Message> waiting = search_.waiting();  // a copy: search_ may change
-  for (const Message& message : waiting) {
+  const std::vector<internal::TimelineEntry> waiting = search_.waiting();  // search_ may change
+  for (const internal::TimelineEntry& entry : waiting) {
     try {
-      timeline_ ? track(message) : on(message);
+      search_or_track(entry.message, entry.origin);
     } catch (const std::invalid_argument&) {
     } catch (const NumericalError&) {
     }
   }
 }
 
-Outcome Live::track(const Message& message) {
+Outcome Live::track(const Message& message, std::size_t origin) {
+  return track_by(
+      1, [&](std::size_t index, const auto& sink) { timeline_->on(index, message, origin, sink); });
+}
+
+Outcome Live::track(const std::vector<MadeMotion>& motions) {
+  return track_by(motions.size(), [&](std::size_t index, const auto& sink) {
+    timeline_->on(index, motions, sink);
+  });
+}
+
+/// Calls the timeline with a number of messages; returns the outcome of the first.
+template <class Call>
+Outcome Live::track_by(std::size_t messages, const Call& call) {
   Outcome outcome{Verdict::kStale, Reason::kTooLate};
-  const std::size_t index_of_message = delivered_++;
+  const std::size_t first = delivered_;
+  delivered_ += messages;
   try {
-    timeline_->on(message, [&](std::size_t index, const Outcome& fused) {
-      if (index == index_of_message) {
+    call(first, [&](std::size_t index, const Outcome& fused) {
+      if (index == first) {
         outcome = fused;
       }
     });

@@ -6,10 +6,6 @@
 
 namespace locfuse {
 
-bool LiveMcl::Entry::operator<(const Entry& other) const {
-  return precedes(message, other.message);
-}
-
 LiveMcl::LiveMcl(Mcl mcl, const Options& options)
     : timeline_(Timeline<Mcl>(std::move(mcl), options.history, options.timeline)),
       history_(options.history) {}
@@ -20,7 +16,56 @@ LiveMcl::LiveMcl(SwitchingMcl mcl, const Options& options)
 
 void LiveMcl::on(const Message& message, const Observer& observer) {
   std::visit([](const auto& m) { validate(m); }, message);
-  Entry entry{effective_stamp(message), arrivals_++, message};
+  take({effective_stamp(message), arrivals_++, message}, observer);
+}
+
+void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observer) {
+  const std::size_t first = arrivals_;
+  arrivals_ += motions.size();
+  if (!are_made_again(motions)) {
+    for (std::size_t k = 0; k < motions.size(); ++k) {
+      const Increment& moved = motions[k].increment;
+      take({moved.begin, first + k, moved, motions[k].origin}, observer);
+    }
+    return;
+  }
+  // Those that are fused are a beginning of them.
+  std::size_t fused = 0;
+  for (std::size_t k = 0; k < motions.size(); ++k) {
+    if (motions[k].again && internal::find_origin(waiting_, motions[k].origin) == waiting_.end()) {
+      fused = k + 1;
+    }
+  }
+  bool is_late = false;
+  if (fused > 0) {
+    const std::vector<MadeMotion> of_timeline(motions.begin(),
+                                              motions.begin() + static_cast<std::ptrdiff_t>(fused));
+    const Outcome outcome = fuse_by(first, observer, [&](auto& timeline, const auto& sink) {
+      timeline.on(first, of_timeline, sink);
+    });
+    is_late = outcome.verdict == Verdict::kStale;
+  }
+  for (std::size_t k = fused; k < motions.size(); ++k) {
+    const Increment& moved = motions[k].increment;
+    if (is_late) {
+      if (observer.fused) {
+        observer.fused(first + k, {Verdict::kStale, Reason::kTooLate});
+      }
+      continue;
+    }
+    if (motions[k].again) {
+      const auto before = internal::find_origin(waiting_, motions[k].origin);
+      if (observer.fused) {
+        observer.fused(before->index, {Verdict::kIgnored, Reason::kReplaced});
+      }
+      waiting_.erase(before);
+    }
+    internal::insert_in_order(waiting_, {moved.begin, first + k, moved, motions[k].origin});
+  }
+}
+
+void LiveMcl::take(Entry entry, const Observer& observer) {
+  const Message& message = entry.message;
   const bool is_ahead = newest_ != std::numeric_limits<Stamp>::min() &&
                         entry.stamp > newest_ + internal::ClockJumpDetector::kFarAhead;
   if (is_ahead) {  // one wrong stamp makes none of the others late
@@ -29,7 +74,7 @@ void LiveMcl::on(const Message& message, const Observer& observer) {
     newest_ = std::max(newest_, newest_fused());
   } else {
     watch_time(message, entry.stamp);
-    waiting_.insert(std::upper_bound(waiting_.begin(), waiting_.end(), entry), std::move(entry));
+    internal::insert_in_order(waiting_, std::move(entry));
   }
   take_turns(due(), observer);
   if (waiting_.size() > kMaxWaiting) {  // the clock stands still
@@ -45,8 +90,9 @@ void LiveMcl::go_on_from(const LiveMcl& before, const Observer& observer) {
   std::vector<Entry> waiting = before.waiting_;
   std::sort(waiting.begin(), waiting.end(),
             [](const Entry& a, const Entry& b) { return a.index < b.index; });
-  for (const Entry& entry : waiting) {
-    on(entry.message, observer);
+  for (Entry& entry : waiting) {
+    entry.index = arrivals_++;
+    take(std::move(entry), observer);
   }
   lateness_ = before.lateness_;
   scans_ = before.scans_;
@@ -90,27 +136,33 @@ void LiveMcl::take_turns(Stamp until, const Observer& observer) {
   }
 }
 
-void LiveMcl::fuse(const Entry& entry, const Observer& observer) {
+/// Calls the timeline; returns the outcome of the message of an index.
+template <class Call>
+Outcome LiveMcl::fuse_by(std::size_t index, const Observer& observer, const Call& call) {
   Outcome own{Verdict::kIgnored};
   const std::size_t jumps_before = jumps();
+  const auto sink = [&](std::size_t of, const Outcome& outcome) {
+    if (of == index) {
+      own = outcome;
+    }
+    if (observer.fused) {
+      observer.fused(of, outcome);
+    }
+  };
   try {
-    std::visit(
-        [&](auto& timeline) {
-          timeline.on(entry.index, entry.message, [&](std::size_t index, const Outcome& outcome) {
-            if (index == entry.index) {
-              own = outcome;
-            }
-            if (observer.fused) {
-              observer.fused(index, outcome);
-            }
-          });
-        },
-        timeline_);
+    std::visit([&](auto& timeline) { call(timeline, sink); }, timeline_);
   } catch (...) {
-    follow_clock(jumps_before, entry.index);
+    follow_clock(jumps_before, index);
     throw;
   }
-  follow_clock(jumps_before, entry.index);
+  follow_clock(jumps_before, index);
+  return own;
+}
+
+void LiveMcl::fuse(const Entry& entry, const Observer& observer) {
+  const Outcome own = fuse_by(entry.index, observer, [&](auto& timeline, const auto& sink) {
+    timeline.on(entry.index, entry.message, entry.origin, sink);
+  });
   if (const auto* scan = std::get_if<LaserScan>(&entry.message); scan && observer.scanned) {
     observer.scanned(*scan, own);
   }

@@ -79,9 +79,18 @@ LocalizeRun localize(LiveMcl& mcl, const MessageLog& log, const std::vector<Lase
   };
   std::size_t next = 0;
   const auto feed_until = [&](Stamp arrival) {
-    for (; next < messages.size() && messages[next].arrival <= arrival; ++next) {
-      outcomes.push_back(&run.outcomes[next]);
-      mcl.on(messages[next].message, observer);
+    while (next < messages.size() && messages[next].arrival <= arrival) {
+      const std::vector<MadeMotion> made = log.motions_from(next);
+      const std::size_t end = next + std::max<std::size_t>(1, made.size());
+      for (std::size_t i = next; i < end; ++i) {
+        outcomes.push_back(&run.outcomes[i]);
+      }
+      if (made.empty()) {
+        mcl.on(messages[next].message, observer);
+      } else {
+        mcl.on(made, observer);
+      }
+      next = end;
     }
   };
   for (const std::size_t i : by_arrival(arrivals)) {

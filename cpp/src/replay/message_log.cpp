@@ -2,13 +2,52 @@
 #include "locfuse/replay/message_log.hpp"
 
 #include <algorithm>
+#include <unordered_set>
 #include <utility>
+#include <variant>
 
 namespace locfuse {
 
 void MessageLog::add(const Message& message, Stamp arrival) {
   validate_in_space(message);
   arrivals_.push_back({arrival, message});
+}
+
+std::vector<bool> MessageLog::replaced() const {
+  std::unordered_set<std::size_t> origins;  // of later ones
+  std::vector<bool> found;
+  for (std::size_t i = arrivals_.size(); i-- > 0;) {
+    const Arrival& arrival = arrivals_[i];
+    if (arrival.origin == MadeMotion::kNoOrigin) {
+      continue;
+    }
+    if (origins.count(arrival.origin) > 0) {
+      found.resize(arrivals_.size());
+      found[i] = true;
+    }
+    if (arrival.again) {
+      origins.insert(arrival.origin);
+    }
+  }
+  return found;
+}
+
+std::vector<MadeMotion> MessageLog::motions_from(std::size_t begin) const {
+  std::vector<MadeMotion> motions;
+  const Arrival& first = arrivals_[begin];
+  for (std::size_t i = begin; i < arrivals_.size(); ++i) {
+    const Arrival& next = arrivals_[i];
+    const bool belongs = next.origin != MadeMotion::kNoOrigin && next.arrival == first.arrival &&
+                         (i == begin || next.again);
+    const bool is_of_next = std::any_of(motions.begin(), motions.end(), [&](const MadeMotion& m) {
+      return m.origin == next.origin;
+    });
+    if (!belongs || is_of_next) {
+      break;
+    }
+    motions.push_back({next.origin, next.again, false, std::get<Increment>(next.message)});
+  }
+  return motions;
 }
 
 // Merges sorted runs: a log consists of a few columns, each sorted.

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -11,10 +10,6 @@
 #include "locfuse/error.hpp"
 
 namespace locfuse {
-
-bool StartSearch::Entry::operator<(const Entry& other) const {
-  return precedes(message, other.message);
-}
 
 StartSearch::StartSearch(Initializer initializer, Stamp patience)
     : initializer_(std::move(initializer)), patience_(patience), state_(initializer_.state()) {
@@ -24,9 +19,26 @@ StartSearch::StartSearch(Initializer initializer, Stamp patience)
   }
 }
 
-void StartSearch::on(const Message& message) {
+void StartSearch::on(const Message& message, std::size_t origin) {
   validate_in_space(message);
-  wait({effective_stamp(message), arrivals_++, message});
+  wait({effective_stamp(message), arrivals_++, message, origin});
+}
+
+void StartSearch::on(const std::vector<MadeMotion>& motions) {
+  const bool all_wait = std::all_of(motions.begin(), motions.end(), [&](const MadeMotion& m) {
+    return !m.again || internal::find_origin(waiting_, m.origin) != waiting_.end();
+  });
+  if (!all_wait) {
+    return;
+  }
+  for (const MadeMotion& motion : motions) {
+    if (motion.again) {
+      waiting_.erase(internal::find_origin(waiting_, motion.origin));
+    }
+  }
+  for (const MadeMotion& motion : motions) {
+    on(motion.increment, motion.origin);
+  }
 }
 
 bool StartSearch::is_late(const Message& message) const {
@@ -38,7 +50,7 @@ void StartSearch::wait(Entry entry) {
     return;
   }
   newest_ = std::max(newest_, entry.stamp);
-  waiting_.insert(std::upper_bound(waiting_.begin(), waiting_.end(), entry), std::move(entry));
+  internal::insert_in_order(waiting_, std::move(entry));
   use_until(newest_ - patience_ - 1);
   if (waiting_.size() > kMaxWaiting) {  // the clock stands still
     use_until(waiting_.front().stamp);
@@ -77,28 +89,25 @@ void StartSearch::use(const std::vector<Entry>& instant) {
   }
 }
 
-std::vector<Message> StartSearch::waiting() const {
-  std::vector<const Entry*> by_arrival;
-  for (const Entry& entry : waiting_) {
-    if (source_of(entry.message) != Source::kScans) {
-      by_arrival.push_back(&entry);
-    }
-  }
+std::vector<internal::TimelineEntry> StartSearch::waiting() const {
+  std::vector<Entry> by_arrival;
+  std::copy_if(waiting_.begin(), waiting_.end(), std::back_inserter(by_arrival),
+               [](const Entry& e) { return source_of(e.message) != Source::kScans; });
   std::sort(by_arrival.begin(), by_arrival.end(),
-            [](const Entry* a, const Entry* b) { return a->arrival < b->arrival; });
-  std::vector<Message> messages;
-  messages.reserve(by_arrival.size());
-  for (const Entry* entry : by_arrival) {
-    messages.push_back(entry->message);
-  }
-  return messages;
+            [](const Entry& a, const Entry& b) { return a.index < b.index; });
+  return by_arrival;
 }
 
 StartRun find_start(Initializer& initializer, const MessageLog& log,
                     const std::vector<LaserScan>& scans) {
   const std::vector<MessageLog::Arrival>& arrivals = log.arrivals();
-  std::vector<std::size_t> messages(arrivals.size());
-  std::iota(messages.begin(), messages.end(), std::size_t{0});
+  const std::vector<bool> replaced = log.replaced();
+  std::vector<std::size_t> messages;
+  for (std::size_t i = 0; i < arrivals.size(); ++i) {
+    if (replaced.empty() || !replaced[i]) {
+      messages.push_back(i);
+    }
+  }
   std::stable_sort(messages.begin(), messages.end(), [&](std::size_t a, std::size_t b) {
     return effective_stamp(arrivals[a].message) < effective_stamp(arrivals[b].message);
   });

@@ -145,6 +145,10 @@ class Builder {
     validate(z);
     return {Verdict::kIgnored, Reason::kNotUsed};
   }
+  Outcome on(const Imu& z, std::size_t /*message*/) {
+    validate(z);
+    return {Verdict::kIgnored, Reason::kNotUsed};
+  }
 
   /// The last pose is where odometry ends.
   PoseChain finish(std::vector<Outcome> outcomes) {

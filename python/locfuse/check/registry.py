@@ -25,8 +25,8 @@ from locfuse.check.finding import SEVERITIES, Finding, error
 from locfuse.check.layout import Layout, layout_of
 from locfuse.config.schema import RunConfig
 from locfuse.run.cylinders import with_cylinders
+from locfuse.run.odometry import as_recorded, with_odometry
 from locfuse.run.run import load_log
-from locfuse.run.scan_odometry import with_scan_odometry
 from locfuse.types import ConfigError, Log, LogError
 
 Rule: TypeAlias = Callable[[Context], Iterator[Finding]]
@@ -101,7 +101,7 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
     """
     try:
         log = load_log(config, base, config.seed) if log is None else log
-        log = with_scan_odometry(with_cylinders(log, config), config)
+        log = as_recorded(with_odometry(with_cylinders(log, config), config, gyro=False))
     except LogError as problem:
         return CheckResult([_unreadable(problem, "log")], None)
     except ConfigError as problem:

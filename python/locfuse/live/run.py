@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import build_anchors, build_cylinder_detector, build_gyro_config
+from locfuse.config.build import build_anchors, build_cylinder_detector
 from locfuse.config.schema import USABLE, RunConfig
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
-from locfuse.run.gyro import uses_gyro
 from locfuse.run.health import name_of, reason_of
 from locfuse.run.mcl import LIKELY, live_mcl, mcl_on
 from locfuse.run.messages import landmark_sight
-from locfuse.run.scan_odometry import scan_drive
+from locfuse.run.odometry import odometry_timeline, uses_gyro
 from locfuse.run.start import given_start, grid_of
 from locfuse.run.tracker import mapped_landmarks, recovering_ekf
 from locfuse.types import NANOSECONDS, ConfigError, FloatArray, Log, MappedLandmarks, nearest
 
 PATIENCE_NS = 250_000_000
+Item = Message | list[_core.MadeMotion]
 MAX_KEPT = 5000  # messages that are kept for a run that takes over before there is a pose
 
 
@@ -131,9 +131,11 @@ class LiveRun:
             [_core.Tag(i, list(world.tags[name])) for i, name in enumerate(self.names.tag_names)],
         )
         self._given = None if isinstance(config.start, str) else config.start
-        self._scan_drive = None if config.scan_odometry is None else scan_drive(config)
-        self._gyro: _core.GyroOdometry | None = None  # from its first sample on
-        self._held: list[Message] = []
+        # Of scans, or from the first sample of a gyro on.
+        self._odometry = None
+        if config.scan_odometry is not None:
+            self._odometry = odometry_timeline(config, uses_gyro(config))
+        self._held: list[Item] = []
         self._driven: Row = {}  # the last odometry
         self._received: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)  # while it searches
         self._received_ns: int | None = None
@@ -219,24 +221,28 @@ class LiveRun:
 
     def _on_row(self, source: str, row: Row) -> _core.Verdict:
         if source == "imu":
-            if self._gyro is None and uses_gyro(self.config):
-                self._gyro = _core.GyroOdometry(build_gyro_config(self.config))
-            if self._gyro is not None:
-                self._gyro.on(self.names.imu(row))
-            return _core.Verdict.IGNORED
+            if not uses_gyro(self.config):
+                return _core.Verdict.IGNORED
+            if self._odometry is None:
+                self._odometry = odometry_timeline(self.config, gyro=True)
+            return self._drive(self._odometry, self.names.imu(row))
         message = self.names.message(source, row)
-        if self._scan_drive is not None and isinstance(message, _core.Velocity | _core.Increment):
-            self._scan_drive.on(message)
-            return _core.Verdict.IGNORED
+        if self._odometry is not None and isinstance(message, _core.Velocity | _core.Increment):
+            return self._drive(self._odometry, message)
         return self._on_message(message)
 
-    def _on_message(self, message: Message) -> _core.Verdict:
-        of_odometry = isinstance(message, _core.Velocity | _core.Increment)
-        if self._gyro is not None and isinstance(message, _core.Velocity | _core.Increment):
-            moved = self._gyro.on(message)
-            if moved is None:
-                return _core.Verdict.IGNORED
-            message = moved.increment
+    def _drive(
+        self, odometry: _core.OdometryTimeline, message: Message | _core.Imu | _core.LaserScan
+    ) -> _core.Verdict:
+        """Take what odometry is made of, and pass on the motions that this changes."""
+        motions = odometry.on(message)
+        if not motions or "odometry" in self._disabled:
+            stale = odometry.outcome.verdict is _core.Verdict.STALE
+            return _core.Verdict.STALE if stale else _core.Verdict.IGNORED
+        return self._on_message(motions)
+
+    def _on_message(self, message: Item) -> _core.Verdict:
+        of_odometry = isinstance(message, _core.Velocity | _core.Increment | list)
         if self.config.mcl is not None and (self._filter is None or of_odometry):
             self._into_map(message)
         return _core.Verdict.IGNORED if self._filter is None else self._into_filter(message)
@@ -245,10 +251,9 @@ class LiveRun:
         scan = self.names.scan(row)
         if "scans" in self._disabled:
             return _core.Verdict.IGNORED
-        if self._scan_drive is not None and "odometry" in self.config.use:
-            motion = self._scan_drive.on(scan)
-            if motion is not None and "odometry" not in self._disabled:
-                self._on_message(motion)
+        if (self._odometry is not None and self.config.scan_odometry is not None
+                and "odometry" in self.config.use):  # fmt: skip
+            self._drive(self._odometry, scan)
         if self._cylinders is not None:
             for one in self._cylinders.detect(scan):
                 sigmas = np.sqrt(np.diag(one.covariance)[:2])
@@ -261,9 +266,9 @@ class LiveRun:
             self._filter.on(scan)
         return _core.Verdict.IGNORED
 
-    def _into_map(self, item: Message | _core.LaserScan) -> None:
+    def _into_map(self, item: Item | _core.LaserScan) -> None:
         if self._on_map is None:
-            begin = item.stamp if isinstance(item, _core.LaserScan) else effective_ns(item)
+            begin = item.stamp if isinstance(item, _core.LaserScan) else _effective_ns(item)
             start = None if self._given is None else self._given_start(begin)
             self._on_map = self._start_on_map(begin, start)
         self._use_estimates(self._on_map.on(item))
@@ -302,7 +307,7 @@ class LiveRun:
         covariance = reported_covariance(sigmas)  # as in a table
         self._into_filter(_core.PoseObservation(estimate.stamp, estimate.pose, covariance))
 
-    def _into_filter(self, message: Message) -> _core.Verdict:
+    def _into_filter(self, message: Item) -> _core.Verdict:
         assert self._filter is not None
         if self._given is not None and not self._filter.is_tracking:
             return self._into_start(message)
@@ -312,12 +317,12 @@ class LiveRun:
             self.names.forget_odometry()
         return outcome.verdict
 
-    def _into_start(self, message: Message) -> _core.Verdict:
+    def _into_start(self, message: Item) -> _core.Verdict:
         """Hold messages until the earliest is known: the given start holds at its stamp."""
         assert self._filter is not None
         self._held.append(message)
-        begin = min(map(effective_ns, self._held))
-        if effective_ns(message) - begin < PATIENCE_NS:
+        begin = min(map(_effective_ns, self._held))
+        if _effective_ns(message) - begin < PATIENCE_NS:
             return _core.Verdict.IGNORED
         self._filter.start_at(self._given_start(begin))
         verdict = _core.Verdict.IGNORED
@@ -358,7 +363,7 @@ class LiveRun:
                 self.on(source, row)
         else:
             self.names.go_on_from(before.names)
-            self._gyro = before._gyro
+            self._odometry = before._odometry
             self.start_at(pose)
             if self._on_map is not None and before._on_map is not None:
                 self._use_estimates(self._on_map.go_on_from(before._on_map))
@@ -472,6 +477,10 @@ class LiveRun:
         """How often the clock went back and it started anew or went on."""
         return (0 if self._filter is None else self._filter.jumps) + (
             0 if self._on_map is None else self._on_map.jumps)  # fmt: skip
+
+
+def _effective_ns(item: Item) -> int:
+    return effective_ns(item[0].increment if isinstance(item, list) else item)
 
 
 def _pose(estimate: _core.PoseEstimate, in_space: _core.AirEstimate | None = None) -> LivePose:

@@ -33,13 +33,14 @@ def with_cylinders(log: Log, config: RunConfig) -> Log:
         raise LogError("the log has landmark_sightings, which cylinders would replace; leave "
                        "'cylinders' out, or these")  # fmt: skip
     detector = build_cylinder_detector(config.cylinders)
-    stamps, rows = [], []
-    for scan in scans_of(log):
+    stamps, rows, seen = [], [], []
+    for row, scan in enumerate(scans_of(log)):
         try:
             found = detector.detect(scan)
         except ValueError as problem:
             raise LogError(f"cylinders: {problem}") from problem
         stamps += [scan.stamp] * len(found)
+        seen += [row] * len(found)
         rows += [(one.range, one.bearing, *np.sqrt(np.diag(one.covariance)[:2])) for one in found]
     columns = np.array(rows, np.float64).reshape(-1, 4).T
     names = ("range_m", "bearing_rad", "sigma_range_m", "sigma_bearing_rad")
@@ -48,6 +49,8 @@ def with_cylinders(log: Log, config: RunConfig) -> Log:
         "landmark": np.full(len(stamps), ""),
         **dict(zip(names, columns, strict=True)),
     }
+    if "arrival_ns" in log["scans"]:
+        sightings["arrival_ns"] = log["scans"]["arrival_ns"][seen]
     mount = None if log.laser is None else {"pose_in_body": log.laser["pose_in_body"]}
     tables = {**log.tables, "landmark_sightings": sightings}
     return replace(log, tables=tables, landmark_sensor=mount)

@@ -53,6 +53,8 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     """
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
         source: undelayed(source, log[source], config.latency_of_tables_s[source])
+        if "origin" not in log[source]
+        else log[source]
         for source in SOURCES
         if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }
@@ -238,14 +240,8 @@ def _add(
     """Add one table; return its stamps, effective stamps and arrivals."""
     stamp, arrival = table["stamp_ns"], table.get("arrival_ns")
     effective = _effective(source, table)
-    if source == "odometry" and "dx_m" in table:
-        motion = np.column_stack([table["dx_m"], table["dy_m"], table["dheading_rad"]])
-        if "begin_ns" not in table:
-            motion[:1] = 0.0
-        messages.add_increments(effective, stamp, motion, arrival, table.get("variance"))
-    elif source == "odometry":
-        messages.add_velocities(stamp, table["v_mps"], table["omega_radps"], arrival,
-                                table.get("v_left_mps"))  # fmt: skip
+    if source == "odometry":
+        add_odometry(messages, table)
     elif source == "ranges":
         tag, anchor = _ids(tag_names, table["tag"]), _ids(anchor_names, table["anchor"])
         messages.add_ranges(stamp, tag, anchor, table["range_m"], table.get("sigma_m"), arrival)
@@ -266,6 +262,21 @@ def _add(
         messages.add_poses(stamp, pose, sigma_xy, sigma_heading, arrival)
     arrived = effective if arrival is None else arrival
     return {"stamp": stamp, "effective": effective, "arrival": arrived}
+
+
+def add_odometry(messages: _core.MessageLog, table: Mapping[str, NDArray[Any]]) -> None:
+    """Add a table of odometry; the first increment of a file counts as no motion."""
+    stamp, arrival = table["stamp_ns"], table.get("arrival_ns")
+    if "dx_m" not in table:
+        messages.add_velocities(stamp, table["v_mps"], table["omega_radps"], arrival,
+                                table.get("v_left_mps"))  # fmt: skip
+        return
+    motion = np.column_stack([table["dx_m"], table["dy_m"], table["dheading_rad"]])
+    if "begin_ns" not in table:
+        motion[:1] = 0.0
+    messages.add_increments(_effective("odometry", table), stamp, motion, arrival,
+                            table.get("variance"), table.get("origin"), table.get("again")
+                            )  # fmt: skip
 
 
 def radios_of(

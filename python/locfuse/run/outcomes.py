@@ -55,6 +55,7 @@ SENTENCES = {
     "no_returns": "no returns",
     "covered": "something covers the laser",
     "numerical": "leaves no finite result",
+    "replaced": "made again after a late message",
 }  # fmt: skip
 
 

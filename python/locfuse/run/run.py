@@ -19,7 +19,6 @@ from locfuse.eval.readiness import readiness
 from locfuse.io.log_folder import read_log
 from locfuse.io.recording import convert_dataset, read_recording
 from locfuse.run.cylinders import with_cylinders
-from locfuse.run.gyro import with_gyro, without_gyro
 from locfuse.run.health import health_metrics, health_of
 from locfuse.run.mcl import Localization, Stopwatch, localize, with_poses_of
 from locfuse.run.messages import (
@@ -32,8 +31,8 @@ from locfuse.run.messages import (
     truth_of,
 )
 from locfuse.run.missing_inputs import sigma_key
+from locfuse.run.odometry import as_recorded, with_odometry
 from locfuse.run.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
-from locfuse.run.scan_odometry import with_scan_odometry
 from locfuse.run.start import start_from_nothing, start_height, start_of
 from locfuse.run.tracker import mapped_landmarks, mapping_metrics, recovering_ekf
 from locfuse.sim.scenario import simulate
@@ -109,7 +108,7 @@ def run(
     if log is None:
         log = load_log(config, base, config.seed)
     warn_missing_sources(config, log)
-    log = with_gyro(with_scan_odometry(with_cylinders(log, config), config), config)
+    log = with_odometry(with_cylinders(log, config), config)
     if config.mcl is None:
         return _fuse(config, log, start, progress, watch)
     localization = localize(config, log, start=start, progress=progress,
@@ -327,7 +326,7 @@ def _result(
     truth = truth_of(log)
     return RunResult(
         config=config.model_dump(mode="json"),
-        log=without_gyro(log),
+        log=as_recorded(log),
         estimate=estimate,
         truth=truth,
         outcomes=outcomes,

@@ -153,7 +153,7 @@ TEST(StartSearch, skips_late_messages_and_keeps_unused_ones) {
   search.on(Range{0, 0, 1, 4.0, {}});
   search.on(Range{kSecond + 1, 0, 1, 5.0, {}});
   ASSERT_EQ(search.waiting().size(), 2U);
-  EXPECT_EQ(stamp_of(search.waiting()[0]), 2 * kSecond);  // in order of arrival
+  EXPECT_EQ(stamp_of(search.waiting()[0].message), 2 * kSecond);  // in order of arrival
   search.finish();
   EXPECT_TRUE(search.waiting().empty());
   EXPECT_EQ(search.used_until(), 2 * kSecond);

@@ -19,7 +19,7 @@ from locfuse.io.rosbag.bag_reader import read_bag
 from locfuse.io.rosbag.bag_writer import write_bag
 from locfuse.live import LiveRun
 from locfuse.run.capsule import make_capsule, replay_capsule
-from locfuse.run.gyro import with_gyro
+from locfuse.run.odometry import with_odometry
 from locfuse.run.run import load_log, run
 from locfuse.sweep.runner import run_trials
 from locfuse.types import Log, LogError
@@ -81,9 +81,9 @@ def test_the_log_stays_that_of_the_wheels() -> None:
     config, log = driven()
     assert np.array_equal(run(config, log).log["odometry"]["dheading_rad"],
                           log["odometry"]["dheading_rad"])  # fmt: skip
-    turned = with_gyro(log, config)["odometry"]
+    turned = with_odometry(log, config)["odometry"]
     assert np.isfinite(turned["variance"][1:]).all()  # the first has no duration
-    assert with_gyro(log, without(config)) is log
+    assert with_odometry(log, without(config)) is log
 
 
 @pytest.mark.parametrize("output", ["increments", "velocities"])
@@ -163,3 +163,26 @@ def test_files_in_other_units_are_refused(tmp_path: Path) -> None:
         imu = {**log["imu"], column: np.full(len(log["imu"]["stamp_ns"]), value)}
         with pytest.raises(LogError, match=words):
             write_log(replace(log, tables={**log.tables, "imu": imu}), tmp_path / "log")
+
+
+@pytest.mark.parametrize("output", ["increments", "velocities"])
+def test_late_samples_give_the_bits_of_the_sorted_log(output: str) -> None:
+    config, log = driven(output)
+    rng = np.random.default_rng(1)
+
+    def arriving(late_share: float) -> Log:
+        tables = dict(log.tables)
+        for source in ("odometry", "ranges", "imu"):
+            stamp = log[source]["stamp_ns"]
+            is_late = (rng.random(len(stamp)) < late_share) & (source == "imu")
+            arrival = stamp + np.where(is_late, 500_000_000, 0)
+            tables[source] = {**log[source], "arrival_ns": arrival}
+        return replace(log, tables=tables)
+
+    expected, late = run(config, arriving(0.0)).estimate, arriving(0.2)
+    found = run(config, late).estimate
+    assert found.position[-1].tolist() == expected.position[-1].tolist()
+    assert found.heading is not None
+    assert expected.heading is not None
+    assert found.heading[-1] == expected.heading[-1]
+    assert_same(config, late)

@@ -46,6 +46,7 @@ enum class Reason : std::uint8_t {
   kNoReturns,    ///< a scan that sees nothing
   kCovered,      ///< a scan of a laser that something covers
   kNumerical,    ///< it leaves no finite result
+  kReplaced,     ///< a motion that was made again after a late message
 };
 
 /// Verdict on one message, with the numbers behind it. NaN and 0 dof where nothing was compared; of

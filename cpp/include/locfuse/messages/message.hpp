@@ -14,7 +14,7 @@ namespace locfuse {
 /// Variant of all messages: the register of sensors in C++. Code that handles all of them visits
 /// it, so that the compiler reports where a new one is missing.
 using Message = std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing,
-                             Altitude, LaserScan>;
+                             Altitude, LaserScan, Imu>;
 
 /// Stamp at which a message takes effect: its own, or for an Increment the beginning of the motion.
 [[nodiscard]] inline Stamp effective_stamp(const Increment& message) { return message.begin; }
@@ -39,14 +39,15 @@ enum class Source : std::uint8_t {
   kPoses,
   kSightings,
   kScans,
-  kAltitudes
+  kAltitudes,
+  kImu
 };
-constexpr std::size_t kSources = 7;
+constexpr std::size_t kSources = 8;
 
 [[nodiscard]] inline Source source_of(const Message& message) {
   constexpr Source kOf[] = {Source::kOdometry,  Source::kOdometry, Source::kRanges,
                             Source::kPositions, Source::kPoses,    Source::kSightings,
-                            Source::kAltitudes, Source::kScans};
+                            Source::kAltitudes, Source::kScans,    Source::kImu};
   static_assert(std::size(kOf) == std::variant_size_v<Message>);
   return kOf[message.index()];
 }

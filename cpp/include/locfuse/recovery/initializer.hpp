@@ -93,6 +93,7 @@ class Initializer {
   void on(const RangeBearing& z);
   void on(const LaserScan& z);
   void on(const Altitude& z) { validate(z); }  ///< of no use
+  void on(const Imu& z) { validate(z); }       ///< of no use
   void on(const Message& message);
 
   [[nodiscard]] State state() const;

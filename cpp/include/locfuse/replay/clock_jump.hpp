@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "locfuse/messages/message.hpp"
+#include "locfuse/replay/made_motion.hpp"
 
 namespace locfuse {
 
@@ -26,7 +27,23 @@ struct TimelineEntry {
   Stamp stamp;        ///< at which it takes effect [ns]
   std::size_t index;  ///< order of arrival
   Message message;
+  std::size_t origin = MadeMotion::kNoOrigin;  ///< of a motion that was made
 };
+
+/// Inserts a message into those that wait for their turn, in the order of `precedes`.
+inline void insert_in_order(std::vector<TimelineEntry>& waiting, TimelineEntry entry) {
+  const auto place = std::upper_bound(waiting.begin(), waiting.end(), entry,
+                                      [](const TimelineEntry& a, const TimelineEntry& b) {
+                                        return precedes(a.message, b.message);
+                                      });
+  waiting.insert(place, std::move(entry));
+}
+
+/// Where a motion waits for its turn.
+inline auto find_origin(std::vector<TimelineEntry>& waiting, std::size_t origin) {
+  return std::find_if(waiting.begin(), waiting.end(),
+                      [&](const TimelineEntry& e) { return e.origin == origin; });
+}
 
 /// Detects a clock that went back, by consecutive stale messages, or far ahead.
 class ClockJumpDetector {

@@ -34,6 +34,11 @@ class Live {
   /// message that is not valid, and forgets it.
   Outcome on(const Message& message);
 
+  /// Takes the motions that one message changed, of an OdometryTimeline; returns what became of the
+  /// first. Those that were made again are kStale where they are no longer in the history, or have
+  /// been used by the search.
+  Outcome on(const std::vector<MadeMotion>& motions);
+
   /// Tracks from `start` on and forgets what was known before. Throws std::invalid_argument as
   /// PoseEkf does.
   void start_at(const PoseEstimate& start);
@@ -57,7 +62,11 @@ class Live {
   [[nodiscard]] std::size_t dropped_messages() const;
 
  private:
-  Outcome track(const Message& message);
+  Outcome search_or_track(const Message& message, std::size_t origin = MadeMotion::kNoOrigin);
+  Outcome track(const Message& message, std::size_t origin);
+  Outcome track(const std::vector<MadeMotion>& motions);
+  template <class Call>
+  Outcome track_by(std::size_t messages, const Call& call);
   void follow_clock();
   void check_search();
   void track_from(RecoveringEkf estimator);

@@ -46,6 +46,9 @@ class LiveMcl {
 
   /// Throws std::invalid_argument for a message that is not valid, and forgets it.
   void on(const Message& message, const Observer& observer = {});
+  /// Takes the motions that one message changed, of an OdometryTimeline. Where one that was there
+  /// before is no longer in the history, nothing changes, and all are kStale.
+  void on(const std::vector<MadeMotion>& motions, const Observer& observer = {});
   /// Gives all that waits its turn: nothing more arrives.
   void finish(const Observer& observer = {});
   /// Takes what waits for its turn in another, whose pose this one has.
@@ -71,13 +74,11 @@ class LiveMcl {
   static constexpr std::size_t kRecentScans = 20;
   static constexpr std::size_t kMaxWaiting = 10'000;
 
-  struct Entry {
-    Stamp stamp;
-    std::size_t index;  // order of arrival
-    Message message;
-    bool operator<(const Entry& other) const;
-  };
+  using Entry = internal::TimelineEntry;
 
+  void take(Entry entry, const Observer& observer);
+  template <class Call>
+  Outcome fuse_by(std::size_t index, const Observer& observer, const Call& call);
   void watch_time(const Message& message, Stamp stamp);
   [[nodiscard]] Stamp lateness() const;
   [[nodiscard]] Stamp due() const;

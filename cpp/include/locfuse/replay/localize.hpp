@@ -22,7 +22,7 @@ struct LocalizeRun {
   };
   std::vector<Outcome> outcomes;       ///< per message, in order of arrival
   std::vector<Outcome> scan_outcomes;  ///< per scan
-  std::vector<Step> steps;  ///< at increasing stamps, as known then; none for stale scans
+  std::vector<Step> steps;      ///< at increasing stamps, as known then; none for stale scans
 };
 
 /// Receives the number of messages and scans that have had their turn and the results so far, of

@@ -30,6 +30,26 @@ template <class Estimator>
 constexpr int kFewSnapshots<Estimator, std::void_t<decltype(Estimator::kSnapshots)>> =
     Estimator::kSnapshots;
 
+/// Whether an estimator is fed in order of stamps, and not of when motions begin.
+template <class Estimator, class = void>
+constexpr bool kInOrderOfStamps = false;
+template <class Estimator>
+constexpr bool kInOrderOfStamps<Estimator, std::void_t<decltype(Estimator::kInOrderOfStamps)>> =
+    Estimator::kInOrderOfStamps;
+
+/// Whether some messages cost an estimator so much that a snapshot is kept after each of them.
+template <class Estimator, class = void>
+constexpr bool kHasCostly = false;
+template <class Estimator>
+constexpr bool kHasCostly<
+    Estimator, std::void_t<decltype(Estimator::is_costly(std::declval<const Message&>()))>> = true;
+
+/// The stamp by which an estimator is fed a message.
+template <class Estimator>
+[[nodiscard]] Stamp order_stamp(const Message& message) {
+  return kInOrderOfStamps<Estimator> ? stamp_of(message) : effective_stamp(message);
+}
+
 /// Fused messages in the order of `precedes`, with snapshots of the
 /// estimator every kSnapshotInterval of them, from which a late message and those after it are
 /// fused again. Where the estimator fuses jointly, so do the sightings of one stamp between two
@@ -81,6 +101,48 @@ class MessageHistory {
       append(entry, estimator, sink, may_wait);
     } else {
       insert(entry, estimator, sink);
+    }
+  }
+
+  /// Whether the motion of an origin is held.
+  [[nodiscard]] bool holds(std::size_t origin) const {
+    return std::any_of(entries_.rbegin(), entries_.rend(),
+                       [&](const TimelineEntry& e) { return e.origin == origin; });
+  }
+
+  /// Fuses motions in place of those of the same origins, which the sink receives as kReplaced.
+  /// What the estimator throws is passed on, and all is as it was.
+  template <class Sink>
+  void replace(const std::vector<TimelineEntry>& motions, Estimator& estimator, Sink& sink) {
+    const std::vector<TimelineEntry> before = entries_;
+    std::size_t first = entries_.size();
+    for (const TimelineEntry& motion : motions) {
+      const auto old = std::find_if(entries_.begin(), entries_.end(), [&](const TimelineEntry& e) {
+        return e.origin == motion.origin;
+      });
+      if (old != entries_.end()) {
+        sink(old->index, Outcome{Verdict::kIgnored, Reason::kReplaced});
+        first = std::min(first, static_cast<std::size_t>(old - entries_.begin()));
+        entries_.erase(old);
+      }
+      const auto place = std::upper_bound(entries_.begin(), entries_.end(), motion, precedes);
+      first = std::min(first, static_cast<std::size_t>(place - entries_.begin()));
+      entries_.insert(place, motion);
+    }
+    if (first == before.size()) {
+      return;
+    }
+    joint_begin_.reset();
+    if (instant_begin_ && *instant_begin_ > first) {
+      instant_begin_.reset();
+    }
+    first = begin_of_joint(first, estimator);
+    try {
+      fuse_again(first, estimator, sink);
+    } catch (...) {
+      entries_ = before;
+      fuse_again(first, estimator, sink);
+      throw;
     }
   }
 
@@ -212,7 +274,14 @@ class MessageHistory {
   }
 
   [[nodiscard]] static bool precedes(const TimelineEntry& a, const TimelineEntry& b) {
-    return a.stamp != b.stamp ? a.stamp < b.stamp : locfuse::precedes(a.message, b.message);
+    if (a.stamp != b.stamp) {
+      return a.stamp < b.stamp;
+    }
+    if constexpr (kInOrderOfStamps<Estimator>) {
+      return Estimator::precedes(a.message, b.message);
+    } else {
+      return locfuse::precedes(a.message, b.message);
+    }
   }
 
   [[nodiscard]] static bool is_joint(const TimelineEntry& entry, const Estimator& estimator) {
@@ -315,6 +384,11 @@ class MessageHistory {
       const bool are_many = position >= last + max_messages_ / (2 * kFewSnapshots<Estimator>);
       if (!is_time && !are_many) {
         return false;
+      }
+    }
+    if constexpr (kHasCostly<Estimator>) {
+      if (position > last && Estimator::is_costly(entries_[position - 1].message)) {
+        return true;
       }
     }
     return position >= last + kSnapshotInterval;

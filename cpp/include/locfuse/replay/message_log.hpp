@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "locfuse/messages/message.hpp"
+#include "locfuse/replay/made_motion.hpp"
 
 namespace locfuse {
 
@@ -15,6 +17,8 @@ class MessageLog {
   struct Arrival {
     Stamp arrival;  ///< when the estimator receives it [ns]
     Message message;
+    std::size_t origin = MadeMotion::kNoOrigin;  ///< as of MadeMotion
+    bool again = false;                          ///< in place of an earlier one of that origin
   };
 
   /// Adds a message that arrives when it takes effect. Throws std::invalid_argument if not valid.
@@ -31,7 +35,8 @@ class MessageLog {
     for (std::size_t row = 0; row < rows; ++row) {
       try {
         const Arrival arrival = make(row);
-        add(arrival.message, arrival.arrival);
+        validate_in_space(arrival.message);
+        arrivals_.push_back(arrival);
       } catch (const std::invalid_argument& error) {
         arrivals_.resize(before);
         throw std::invalid_argument("row " + std::to_string(row) + ": " + error.what());
@@ -43,6 +48,11 @@ class MessageLog {
   void sort();
 
   [[nodiscard]] const std::vector<Arrival>& arrivals() const { return arrivals_; }
+  /// For each message whether a later one is in place of it, (n,); empty if that is so for none.
+  [[nodiscard]] std::vector<bool> replaced() const;
+  /// The motions that one message changed, which arrive together from `begin` on; empty if nothing
+  /// was made of the message there.
+  [[nodiscard]] std::vector<MadeMotion> motions_from(std::size_t begin) const;
 
  private:
   std::vector<Arrival> arrivals_;

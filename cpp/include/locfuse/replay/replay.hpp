@@ -5,9 +5,11 @@
 #include <cstddef>
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <type_traits>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -201,6 +203,36 @@ class RunRecorder {
   std::vector<std::size_t> positions_;  // in the log, of the messages that the timeline received
 };
 
+/// The made motions that were used for a start, up to a stamp.
+class UsedMotions {
+ public:
+  explicit UsedMotions(Stamp until) : until_(until) {}
+
+  /// Leaves out those that take effect up to the stamp, and their places in the log. One that is
+  /// made again and begins later, in place of one that was left out, is a motion of its own.
+  void leave_out(std::vector<MadeMotion>& motions, std::vector<std::size_t>& places) {
+    std::size_t kept = 0;
+    for (std::size_t k = 0; k < motions.size(); ++k) {
+      MadeMotion& motion = motions[k];
+      motion.again = motion.again && origins_.count(motion.origin) == 0;
+      if (motion.increment.begin <= until_) {
+        origins_.insert(motion.origin);
+      } else {
+        motions[kept] = motion;
+        places[kept++] = places[k];
+      }
+    }
+    if (!motions.empty()) {
+      motions.resize(kept);
+      places.resize(kept);
+    }
+  }
+
+ private:
+  Stamp until_;
+  std::unordered_set<std::size_t> origins_;
+};
+
 /// Those of the messages of a log from `begin` on that arrive together and take effect together, in
 /// the order of `precedes`, which a Timeline would otherwise put them in one by one. Where they are
 /// more than it puts in order they stay as they are.
@@ -244,17 +276,35 @@ template <class Estimator>
   };
   auto next_switch = options.switches.begin();
   std::vector<std::size_t> together;
-  for (std::size_t begin = 0; begin < arrivals.size(); begin += together.size()) {
-    internal::take_together<Estimator>(arrivals, begin, together);
+  internal::UsedMotions used(options.used_until);
+  for (std::size_t begin = 0, done = 0; begin < arrivals.size(); begin = done) {
+    const bool is_made = arrivals[begin].origin != MadeMotion::kNoOrigin;
+    std::vector<MadeMotion> made;
+    if (is_made) {
+      made = log.motions_from(begin);
+      together.resize(made.size());
+      std::iota(together.begin(), together.end(), begin);
+    } else {
+      internal::take_together<Estimator>(arrivals, begin, together);
+    }
     recorder.add_messages(together.size());
-    if (effective_stamp(arrivals[begin].message) <= options.used_until) {
+    done += together.size();
+    used.leave_out(made, together);
+    if (is_made ? made.empty() : effective_stamp(arrivals[begin].message) <= options.used_until) {
       continue;
     }
     for (; next_switch != options.switches.end() && next_switch->arrival <= arrivals[begin].arrival;
          ++next_switch) {
       timeline.enable(next_switch->source, next_switch->enabled);
     }
-    for (std::size_t k = 0; k < together.size(); ++k) {
+    for (std::size_t k = 0; k < made.size(); ++k) {
+      recorder.before(made[k].increment, together[k]);
+    }
+    if (is_made) {
+      timeline.on(made, sink);
+      recorder.after();
+    }
+    for (std::size_t k = 0; k < together.size() && !is_made; ++k) {
       const Message& message = arrivals[together[k]].message;
       recorder.before(message, together[k]);
       const bool may_wait = k + 1 < together.size() &&
@@ -262,7 +312,6 @@ template <class Estimator>
       timeline.on(message, sink, may_wait);
       recorder.after();
     }
-    const std::size_t done = begin + together.size();
     if (options.progress && done / kProgressEvery > begin / kProgressEvery) {
       options.progress(done, recorder.update());
     }

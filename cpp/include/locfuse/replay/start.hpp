@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "locfuse/recovery/initializer.hpp"
+#include "locfuse/replay/clock_jump.hpp"
+#include "locfuse/replay/made_motion.hpp"
 #include "locfuse/replay/message_log.hpp"
 
 namespace locfuse {
@@ -23,8 +25,11 @@ class StartSearch {
   explicit StartSearch(Initializer initializer, Stamp patience = kPatience);
 
   /// Throws std::invalid_argument for a message that is not valid. Late messages are skipped; once
-  /// it is ready, messages only wait.
-  void on(const Message& message);
+  /// it is ready, messages only wait. `origin` as of MadeMotion.
+  void on(const Message& message, std::size_t origin = MadeMotion::kNoOrigin);
+  /// The same of the motions that one message changed, of an OdometryTimeline. Where one that was
+  /// there before does not wait any more, all are skipped.
+  void on(const std::vector<MadeMotion>& motions);
   /// Uses all messages that wait: the log has ended.
   void finish();
 
@@ -38,18 +43,13 @@ class StartSearch {
   [[nodiscard]] Stamp used_until() const { return used_until_; }
   [[nodiscard]] const Initializer& initializer() const { return initializer_; }
   /// Messages that have not been used, without scans, in order of arrival.
-  [[nodiscard]] std::vector<Message> waiting() const;
+  [[nodiscard]] std::vector<internal::TimelineEntry> waiting() const;
 
   static constexpr Stamp kPatience = 250'000'000;
   static constexpr std::size_t kMaxWaiting = 10'000;
 
  private:
-  struct Entry {
-    Stamp stamp;
-    std::size_t arrival;
-    Message message;
-    bool operator<(const Entry& other) const;
-  };
+  using Entry = internal::TimelineEntry;
 
   void wait(Entry entry);
   void use_until(Stamp stamp);

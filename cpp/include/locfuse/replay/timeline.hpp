@@ -14,6 +14,7 @@
 #include "locfuse/filters/outcome.hpp"
 #include "locfuse/messages/message.hpp"
 #include "locfuse/replay/clock_jump.hpp"
+#include "locfuse/replay/made_motion.hpp"
 #include "locfuse/replay/message_history.hpp"
 
 namespace locfuse {
@@ -123,25 +124,47 @@ class Timeline {
   /// stamp as this one, so that an estimator that fuses them jointly does so once, then.
   template <class Sink>
   void on(const Message& message, Sink&& sink, bool may_wait = false) {
-    on(arrivals_++, message, sink, may_wait);
+    take(entry_of(arrivals_++, message), sink, may_wait);
   }
-  /// The same of a message that the caller has counted.
+  /// Takes the motions that one message changed, of an OdometryTimeline; `sink` as above, and
+  /// kReplaced for those that were there before. Where one of these is no longer in the history,
+  /// nothing changes, and all are kStale.
   template <class Sink>
-  void on(std::size_t index, const Message& message, Sink&& sink, bool may_wait = false) {
-    const Entry entry{effective_stamp(message), index, message};
-    const Source source = source_of(message);
-    if (disabled_[static_cast<std::size_t>(source)]) {
-      sink(entry.index, Outcome{Verdict::kIgnored, Reason::kSwitchedOff});
-    } else if (history_.is_stale(entry.stamp)) {
-      sink(entry.index, Outcome{Verdict::kStale, Reason::kTooLate});
-      watch_clock(entry, sink);
-    } else if (history_.is_ahead(entry.stamp, internal::ClockJumpDetector::kFarAhead)) {
-      hold(entry, sink);
-    } else {
-      detector_.clear_ahead();
-      detector_.clear_stale();
-      fuse(entry, sink, may_wait);
-      detector_.add_source(source);
+  void on(const std::vector<MadeMotion>& motions, Sink&& sink) {
+    const std::size_t first = arrivals_;
+    arrivals_ += motions.size();
+    on(first, motions, sink);
+  }
+
+  /// The same of messages that the caller has counted, from `index` on; `origin` as of MadeMotion.
+  template <class Sink>
+  void on(std::size_t index, const Message& message, std::size_t origin, Sink&& sink) {
+    take(entry_of(index, message, origin), sink, false);
+  }
+  template <class Sink>
+  void on(std::size_t index, const std::vector<MadeMotion>& motions, Sink&& sink) {
+    if (!are_made_again(motions)) {
+      for (const MadeMotion& motion : motions) {
+        take(entry_of(index++, motion.increment, motion.origin), sink, false);
+      }
+      return;
+    }
+    std::vector<Entry> entries;
+    bool is_late = false;
+    for (const MadeMotion& motion : motions) {
+      entries.push_back(entry_of(index++, motion.increment, motion.origin));
+      is_late = is_late || history_.is_stale(entries.back().stamp) ||
+                (motion.again && !history_.holds(motion.origin));
+    }
+    const bool is_off = disabled_[static_cast<std::size_t>(Source::kOdometry)];
+    if (!is_off && !is_late) {
+      history_.replace(entries, estimator_, sink);
+      drop_oldest();
+      return;
+    }
+    for (const Entry& entry : entries) {
+      sink(entry.index, is_off ? Outcome{Verdict::kIgnored, Reason::kSwitchedOff}
+                               : Outcome{Verdict::kStale, Reason::kTooLate});
     }
   }
 
@@ -161,6 +184,8 @@ class Timeline {
   [[nodiscard]] const Estimator& estimator() const { return estimator_; }
   /// Stamp of the newest message fused; the least of all stamps before the first.
   [[nodiscard]] Stamp newest() const { return history_.newest(); }
+  /// Whether the motion of an origin is in the history.
+  [[nodiscard]] bool holds(std::size_t origin) const { return history_.holds(origin); }
   /// Clock jumps after which the estimator restarted or continued.
   [[nodiscard]] std::size_t jumps() const { return jumps_; }
   /// Messages inside the history that were dropped since there were more than max_messages: later
@@ -171,9 +196,36 @@ class Timeline {
   using Entry = internal::TimelineEntry;
   using History = internal::MessageHistory<Estimator>;
 
+  [[nodiscard]] static Entry entry_of(std::size_t index, const Message& message,
+                                      std::size_t origin = MadeMotion::kNoOrigin) {
+    return {internal::order_stamp<Estimator>(message), index, message, origin};
+  }
+
+  template <class Sink>
+  void take(const Entry& entry, Sink& sink, bool may_wait) {
+    const Source source = source_of(entry.message);
+    if (disabled_[static_cast<std::size_t>(source)]) {
+      sink(entry.index, Outcome{Verdict::kIgnored, Reason::kSwitchedOff});
+    } else if (history_.is_stale(entry.stamp)) {
+      sink(entry.index, Outcome{Verdict::kStale, Reason::kTooLate});
+      watch_clock(entry, sink);
+    } else if (history_.is_ahead(entry.stamp, internal::ClockJumpDetector::kFarAhead)) {
+      hold(entry, sink);
+    } else {
+      detector_.clear_ahead();
+      detector_.clear_stale();
+      fuse(entry, sink, may_wait);
+      detector_.add_source(source);
+    }
+  }
+
   template <class Sink>
   void fuse(const Entry& entry, Sink& sink, bool may_wait = false) {
     history_.fuse(entry, estimator_, sink, may_wait);
+    drop_oldest();
+  }
+
+  void drop_oldest() {
     if (history_.size() > options_.max_messages) {
       dropped_messages_ += history_.drop_oldest();
     }

@@ -19,8 +19,8 @@ from locfuse.eval.errors import interpolate
 from locfuse.io.whole import whole_file
 from locfuse.report.plot import style
 from locfuse.report.plot.world import box_around, draw_map, drawable, world_figure
-from locfuse.run.gyro import with_gyro
 from locfuse.run.mcl import frame_of, live_mcl, mcl_of, messages_for, scan_arrivals_of
+from locfuse.run.odometry import with_odometry
 from locfuse.run.start import scans_of
 from locfuse.types import (
     NANOSECONDS,
@@ -74,7 +74,8 @@ def check_film(config: RunConfig, path: Path) -> None:
 
 def record(config: RunConfig, result: RunResult) -> list[Frame]:
     """Return a frame per scan, from the start until a while after the pose was found."""
-    log = with_gyro(result.log, config)
+    made = config.scan_odometry is not None  # and is what the result has
+    log = result.log if made else with_odometry(result.log, config)
     messages = messages_for(config, log)
     mcl = live_mcl(config, mcl_of(config, log, messages))
     ready_s = result.metrics["mcl"]["ready_s"]

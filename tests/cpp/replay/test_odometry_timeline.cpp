@@ -1,0 +1,364 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+
+#include "locfuse/replay/live.hpp"
+#include "locfuse/replay/live_mcl.hpp"
+#include "locfuse/replay/odometry_timeline.hpp"
+#include "locfuse/replay/replay.hpp"
+#include "support/bits.hpp"
+#include "support/expect.hpp"
+#include "support/rooms.hpp"
+
+namespace locfuse::test_odometry_timeline {
+namespace {
+
+using testing::Rng;
+using testing::same_bits;
+
+constexpr Stamp kSecond = 1'000'000'000;
+constexpr Stamp kTick = 20'000'000;  // of the gyro; wheels every second one, scans every fifth
+constexpr Stamp kLate = kSecond / 2;
+constexpr int kTicks = 120;
+const auto kNoSink = [](std::size_t, const Outcome&) {};
+
+enum class Wheels { kNone, kVelocities, kIncrements };
+
+/// What makes the odometry of a drive.
+struct Parts {
+  Wheels wheels;
+  bool gyro;
+  bool scans;
+};
+
+struct Drive {
+  testing::Room room;
+  PoseEstimate start;
+  std::vector<Message> messages;  // in order of stamps
+};
+
+/// A circle in a room, with ranges now and then.
+Drive drive(const Parts& parts, std::uint64_t seed = 3) {
+  Rng rng(seed);
+  Drive run;
+  run.room = testing::random_room(rng);
+  Pose2 pose = run.room.middle * Pose2{0.0, -1.0, 0.0};
+  run.start = {0, pose, 0.01 * Matrix<3, 3>::Identity()};
+  const Pose2 step = arc(0.01, 0.0, 0.01);
+  for (int i = 1; i <= kTicks; ++i) {
+    const Stamp now = i * kTick;
+    pose = pose * step;
+    if (parts.gyro) {
+      const double rate = 0.51 + testing::normal(rng, 0.01);
+      run.messages.push_back(Imu{now, {0.0, 0.0, rate}, Vector<3>(0.0, 0.0, 9.81)});
+    }
+    const bool is_driven = i % 2 == 0;
+    if (is_driven && parts.wheels == Wheels::kVelocities) {
+      run.messages.push_back(Velocity{now, 0.5 + testing::normal(rng, 0.01), 0.5});
+    } else if (is_driven && parts.wheels == Wheels::kIncrements) {
+      const Pose2 moved{0.0201, 0.0002, 0.02 + testing::normal(rng, 0.001)};
+      run.messages.push_back(Increment{now - 2 * kTick, now, moved, {}});
+    }
+    if (i % 5 == 0) {
+      LaserScan scan = testing::scan_from(run.room.walls, pose, rng, 0.01);
+      scan.stamp = now;
+      run.messages.push_back(scan);
+    }
+    if (i % 3 == 0) {
+      const double range = pose.position().norm() + testing::normal(rng, 0.05);
+      run.messages.push_back(Range{now, 0, 0, range, 0.05});
+    }
+  }
+  return run;
+}
+
+/// The same in order of arrival: one in five of what makes odometry comes half a second later.
+std::vector<Message> with_late(const std::vector<Message>& messages, std::uint64_t seed) {
+  Rng rng(seed);
+  std::vector<std::pair<Stamp, Message>> arrivals;
+  for (const Message& message : messages) {
+    const bool may_be_late = !std::holds_alternative<Range>(message);
+    const bool is_late = may_be_late && testing::uniform(rng, 0.0, 1.0) < 0.2;
+    arrivals.emplace_back(stamp_of(message) + (is_late ? kLate : 0), message);
+  }
+  std::stable_sort(arrivals.begin(), arrivals.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<Message> order;
+  for (auto& [arrival, message] : arrivals) {
+    order.push_back(std::move(message));
+  }
+  return order;
+}
+
+OdometryTimeline timeline_of(const Parts& parts, TimelineOptions options = {}) {
+  Odometer::Config config;
+  if (parts.gyro) {
+    config.gyro.emplace();
+  }
+  if (parts.scans) {
+    config.scans.emplace();
+  }
+  return OdometryTimeline(Odometer(config), 2 * kSecond, options);
+}
+
+World world_of(const Drive& run) {
+  return {std::make_shared<const AnchorMap>(std::vector<Anchor>{{0, {0.0, 0.0, 0.0}}}),
+          std::vector<Tag>{{0, {0.0, 0.0, 0.0}}},
+          {},
+          run.room.map};
+}
+
+/// Feeds what makes odometry to one timeline, and what that makes, and all else, to another.
+template <class Receiver>
+void feed(const std::vector<Message>& messages, OdometryTimeline& odometry,
+          const Receiver& receive) {
+  for (const Message& message : messages) {
+    if (std::holds_alternative<Range>(message)) {
+      receive(message);
+    } else {
+      receive(odometry.on(message));
+    }
+  }
+}
+
+class LateParts : public ::testing::TestWithParam<Parts> {};
+
+TEST_P(LateParts, give_a_filter_the_bits_of_the_sorted_log) {
+  const Drive run = drive(GetParam());
+  const auto belief_of = [&](const std::vector<Message>& messages, int& made_again) {
+    OdometryTimeline odometry = timeline_of(GetParam());
+    Timeline<PoseEkf> filter(PoseEkf({}, world_of(run), run.start), 2 * kSecond);
+    feed(messages, odometry, [&](const auto& what) {
+      if constexpr (std::is_same_v<std::decay_t<decltype(what)>, std::vector<MadeMotion>>) {
+        made_again += are_made_again(what) ? 1 : 0;
+      }
+      filter.on(what, kNoSink);
+    });
+    return filter.estimator().belief();
+  };
+  int never = 0;
+  const GaussianBelief sorted = belief_of(run.messages, never);
+  EXPECT_EQ(never, 0);
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    int made_again = 0;
+    EXPECT_TRUE(same_bits(belief_of(with_late(run.messages, seed), made_again), sorted)) << seed;
+    EXPECT_GT(made_again, 3);
+  }
+}
+
+TEST_P(LateParts, give_live_particles_and_a_live_filter_the_bits_of_the_sorted_log) {
+  const Drive run = drive(GetParam());
+  MclConfig config;
+  config.max_particles = config.min_particles = 500;
+  const auto estimates_of = [&](const std::vector<Message>& messages) {
+    OdometryTimeline odometry = timeline_of(GetParam());
+    Mcl mcl(config, world_of(run), 0);
+    mcl.start_at({{run.start, 1.0}});
+    LiveMcl particles(mcl);
+    RecoveringEkf ekf({}, world_of(run));
+    ekf.start_at(run.start);
+    Live filter(ekf);
+    for (const Message& message : messages) {
+      if (std::holds_alternative<Range>(message)) {
+        filter.on(message);
+      } else {
+        const std::vector<MadeMotion> made = odometry.on(message);
+        particles.on(made);
+        filter.on(made);
+      }
+      if (std::holds_alternative<LaserScan>(message)) {
+        particles.on(message);
+      }
+    }
+    particles.finish();
+    return std::pair(particles.estimate(), filter.estimator().estimate());
+  };
+  const auto sorted = estimates_of(run.messages);
+  const auto late = estimates_of(with_late(run.messages, 4));
+  for (const auto& [found, expected] :
+       {std::pair(late.first, sorted.first), std::pair(late.second, sorted.second)}) {
+    EXPECT_EQ(found.stamp, expected.stamp);
+    EXPECT_EQ(found.pose.x, expected.pose.x);
+    EXPECT_EQ(found.pose.y, expected.pose.y);
+    EXPECT_EQ(found.pose.heading, expected.pose.heading);
+    EXPECT_TRUE(same_bits(found.covariance, expected.covariance));
+  }
+}
+
+/// The motions of a log, with what was made of it in place.
+TEST_P(LateParts, a_log_of_what_is_made_is_replayed_to_the_same_bits) {
+  const Drive run = drive(GetParam());
+  const auto replayed = [&](const std::vector<Message>& messages) {
+    OdometryTimeline odometry = timeline_of(GetParam());
+    MessageLog log;
+    Stamp arrival = 0;
+    log.add_rows(0, [](std::size_t) { return MessageLog::Arrival{}; });
+    feed(messages, odometry, [&](const auto& what) {
+      ++arrival;
+      if constexpr (std::is_same_v<std::decay_t<decltype(what)>, std::vector<MadeMotion>>) {
+        log.add_rows(what.size(), [&](std::size_t i) {
+          return MessageLog::Arrival{arrival, what[i].increment, what[i].origin, what[i].again};
+        });
+      } else {
+        log.add(what, arrival);
+      }
+    });
+    return std::pair(log, replay(PoseEkf({}, world_of(run), run.start), log, {}));
+  };
+  const auto sorted = replayed(run.messages);
+  const auto late = replayed(with_late(run.messages, 5));
+  EXPECT_EQ(late.second.last.pose.x, sorted.second.last.pose.x);
+  EXPECT_TRUE(same_bits(late.second.last.covariance, sorted.second.last.covariance));
+  const std::vector<bool> replaced = late.first.replaced();
+  ASSERT_EQ(replaced.size(), late.first.arrivals().size());
+  for (std::size_t i = 0; i < replaced.size(); ++i) {
+    EXPECT_EQ(late.second.outcomes[i].reason == Reason::kReplaced, replaced[i]) << i;
+  }
+  EXPECT_TRUE(sorted.first.replaced().empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(Odometry, LateParts,
+                         ::testing::Values(Parts{Wheels::kVelocities, true, false},
+                                           Parts{Wheels::kIncrements, true, false},
+                                           Parts{Wheels::kNone, false, true},
+                                           Parts{Wheels::kVelocities, false, true},
+                                           Parts{Wheels::kIncrements, true, true}));
+
+const Parts kGyro{Wheels::kIncrements, true, false};
+
+TEST(OdometryTimeline, a_late_sample_changes_the_motions_from_it_on) {
+  OdometryTimeline odometry = timeline_of(kGyro);
+  EXPECT_TRUE(odometry.on(Imu{0, {0.0, 0.0, 0.1}}).empty());
+  const std::vector<MadeMotion> first = odometry.on(Increment{0, kTick, {0.1, 0.0, 0.0}, {}});
+  ASSERT_EQ(first.size(), 1U);
+  EXPECT_EQ(first[0].origin, 1U);
+  EXPECT_FALSE(first[0].again);
+  ASSERT_EQ(odometry.on(Increment{kTick, 2 * kTick, {0.1, 0.0, 0.0}, {}}).size(), 1U);
+  const std::vector<MadeMotion> again = odometry.on(Imu{kTick + 1, {0.0, 0.0, 0.5}});
+  ASSERT_EQ(again.size(), 1U);  // the first ended before the sample
+  EXPECT_EQ(again[0].origin, 2U);
+  EXPECT_TRUE(again[0].again);
+  EXPECT_TRUE(odometry.on(Imu{kTick + 1, {0.0, 0.0, 0.9}}).empty());  // one of that stamp holds
+}
+
+TEST(OdometryTimeline, what_is_older_than_the_history_is_stale_and_changes_nothing) {
+  OdometryTimeline odometry = timeline_of(kGyro);
+  odometry.on(Imu{4 * kSecond, {0.0, 0.0, 0.1}});
+  EXPECT_EQ(odometry.outcome().verdict, Verdict::kFused);
+  EXPECT_TRUE(odometry.on(Increment{kSecond, kSecond + kTick, {0.1, 0.0, 0.0}, {}}).empty());
+  EXPECT_EQ(odometry.outcome().reason, Reason::kTooLate);
+}
+
+TEST(OdometryTimeline, one_wrong_stamp_makes_no_other_late) {
+  OdometryTimeline odometry = timeline_of(kGyro);
+  odometry.on(Imu{0, {0.0, 0.0, 0.1}});
+  EXPECT_TRUE(odometry.on(Increment{0, 3600 * kSecond, {0.1, 0.0, 0.0}, {}}).empty());
+  EXPECT_EQ(odometry.outcome().reason, Reason::kTooFarAhead);
+  EXPECT_EQ(odometry.on(Increment{0, kTick, {0.1, 0.0, 0.0}, {}}).size(), 1U);
+}
+
+TEST(OdometryTimeline, starts_anew_where_the_clock_went_back) {
+  for (const ClockJump policy : {ClockJump::kReset, ClockJump::kContinue}) {
+    TimelineOptions options;
+    options.clock_jump = policy;
+    OdometryTimeline odometry = timeline_of({Wheels::kIncrements, true, false}, options);
+    std::size_t made = 0;
+    for (const Stamp begin : {1000 * kSecond, Stamp{0}}) {
+      for (int i = 0; i < 30; ++i) {
+        const Stamp now = begin + i * kTick;
+        made += odometry.on(Imu{now, {0.0, 0.0, 0.1}}).size();
+        made += odometry.on(Increment{now, now + kTick, {0.1, 0.0, 0.0}, {}}).size();
+      }
+    }
+    EXPECT_GE(made, 59U);  // those that showed the jump count
+  }
+}
+
+TEST(OdometryTimeline, what_is_not_valid_is_forgotten) {
+  OdometryTimeline odometry = timeline_of(kGyro);
+  odometry.on(Imu{0, {0.0, 0.0, 0.1}});
+  EXPECT_THROW(odometry.on(Imu{1, {0.0, 0.0, std::nan("")}}), std::invalid_argument);
+  EXPECT_EQ(odometry.on(Increment{0, kTick, {0.1, 0.0, 0.0}, {}}).size(), 1U);
+  EXPECT_THROW(Odometer({}), std::invalid_argument);
+}
+
+TEST(OdometryTimeline, takes_no_other_messages) {
+  OdometryTimeline odometry = timeline_of(kGyro);
+  EXPECT_TRUE(odometry.on(Range{0, 0, 0, 1.0, {}}).empty());
+  EXPECT_EQ(odometry.outcome().reason, Reason::kNotUsed);
+}
+
+PoseEkf ekf_at_rest() { return {{}, {}, {0, {}, 0.01 * Matrix<3, 3>::Identity()}}; }
+
+MadeMotion motion_of(std::size_t origin, Stamp begin, double forward, bool again = false) {
+  return {origin, again, false, Increment{begin, begin + kSecond, {forward, 0.0, 0.0}, {}}};
+}
+
+TEST(Timeline, a_motion_that_is_made_again_is_in_place_of_the_one_before) {
+  Timeline<PoseEkf> timeline(ekf_at_rest(), 10 * kSecond);
+  std::map<std::size_t, Outcome> outcomes;
+  const auto sink = [&](std::size_t index, const Outcome& outcome) { outcomes[index] = outcome; };
+  timeline.on(std::vector{motion_of(7, 0, 0.5)}, sink);
+  timeline.on(std::vector{motion_of(8, kSecond, 0.5)}, sink);
+  timeline.on(std::vector{motion_of(9, 2 * kSecond, 0.5)}, sink);
+  timeline.on(std::vector{motion_of(8, kSecond, 0.7, true), motion_of(9, 2 * kSecond, 0.6, true)},
+              sink);
+  Timeline<PoseEkf> expected(ekf_at_rest(), 10 * kSecond);
+  for (const auto& [origin, forward] :
+       std::map<std::size_t, double>{{7, 0.5}, {8, 0.7}, {9, 0.6}}) {
+    expected.on(std::vector{motion_of(origin, Stamp(origin - 7) * kSecond, forward)}, kNoSink);
+  }
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), expected.estimator().belief()));
+  EXPECT_EQ(outcomes[0].verdict, Verdict::kFused);
+  EXPECT_EQ(outcomes[1].reason, Reason::kReplaced);
+  EXPECT_EQ(outcomes[2].reason, Reason::kReplaced);
+  EXPECT_EQ(outcomes[4].verdict, Verdict::kFused);
+}
+
+TEST(Timeline, one_that_is_made_again_of_none_in_the_history_changes_nothing) {
+  Timeline<PoseEkf> timeline(ekf_at_rest(), 10 * kSecond);
+  timeline.on(std::vector{motion_of(1, 0, 0.5)}, kNoSink);
+  timeline.on(std::vector{motion_of(2, kSecond, 0.5)}, kNoSink);
+  const GaussianBelief before = timeline.estimator().belief();
+  std::vector<Outcome> outcomes;
+  timeline.on(std::vector{motion_of(5, kSecond / 2, 0.3), motion_of(2, kSecond, 0.9, true),
+                          motion_of(4, 2 * kSecond, 0.9, true)},
+              [&](std::size_t, const Outcome& outcome) { outcomes.push_back(outcome); });
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
+  ASSERT_EQ(outcomes.size(), 3U);
+  for (const Outcome& outcome : outcomes) {
+    EXPECT_EQ(outcome.reason, Reason::kTooLate);
+  }
+}
+
+TEST(Timeline, what_cannot_be_made_again_leaves_what_was) {
+  Timeline<PoseEkf> timeline(ekf_at_rest(), 10 * kSecond);
+  timeline.on(std::vector{motion_of(1, 0, 0.5)}, kNoSink);
+  timeline.on(Velocity{kSecond, 0.1, 0.0}, kNoSink);
+  const GaussianBelief before = timeline.estimator().belief();
+  EXPECT_THROW(timeline.on(std::vector{motion_of(1, 0, std::nan(""), true)}, kNoSink),
+               std::invalid_argument);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
+}
+
+TEST(Replay, a_motion_used_for_the_start_is_made_again_as_one_of_its_own) {
+  MessageLog log;
+  const auto row = [](std::size_t origin, Stamp begin, Stamp end, bool again) {
+    return MessageLog::Arrival{0, Increment{begin, end, {1e-9 * double(end - begin), 0.0, 0.0}, {}},
+                               origin, again};
+  };
+  const std::vector<MessageLog::Arrival> rows{
+      row(1, 0, 2 * kSecond, false), row(2, 2 * kSecond, 3 * kSecond, false),
+      row(3, 0, kSecond, false), row(1, kSecond, 2 * kSecond, true)};
+  log.add_rows(rows.size(), [&](std::size_t i) { return rows[i]; });
+  ReplayOptions options;
+  options.used_until = kSecond / 2;
+  const PoseEkf start({}, {}, {kSecond, {1.0, 0.0, 0.0}, 0.01 * Matrix<3, 3>::Identity()});
+  const RunLog run = replay(start, log, options);
+  EXPECT_DOUBLE_EQ(run.last.pose.x, 3.0);
+}
+
+}  // namespace
+}  // namespace locfuse::test_odometry_timeline
