@@ -217,6 +217,16 @@ void bind_replay(py::module_& m) {
       },
       py::arg("initializer"), py::arg("log"), py::arg("scans"),
       "Feeds a sorted log and scans to an Initializer until it is READY or both end.");
+  using Report = LocalizeRun::Report;
+  py::class_<Report>(m, "LocalizeReport", "Pose after the turn of a scan, as a robot has it.")
+      .def_property_readonly(
+          "arrival",
+          [](const Report& r) -> std::optional<Stamp> {
+            return r.arrival == LocalizeRun::kAtEnd ? std::nullopt : std::optional(r.arrival);
+          },
+          "Of the message that gave the scan its turn [ns]; None if the log ended first.")
+      .def_readonly("estimate", &Report::estimate, "PoseEstimate.")
+      .def_readonly("ready", &Report::ready, "Whether one cluster was almost certain.");
   py::class_<LocalizeRun> localize_run(m, "LocalizeRun",
                                        "Result of a localization on a map, as columns.");
   bind_health_columns(
@@ -272,6 +282,8 @@ void bind_replay(py::module_& m) {
             return column_of<bool>(r.steps, [](const auto& s) { return s.ready; });
           },
           "(n,).")
+      .def_readonly("reports", &LocalizeRun::reports,
+                    "A LocalizeReport for each scan that was not STALE, in order of turns.")
       .def("__repr__", [](const LocalizeRun& r) {
         return "LocalizeRun(" + std::to_string(r.outcomes.size()) + " messages, " +
                std::to_string(r.scan_outcomes.size()) + " scans)";

@@ -74,6 +74,7 @@ __all__: list[str] = [
     "LiveMcl",
     "LocalMap",
     "LocalMapConfig",
+    "LocalizeReport",
     "LocalizeRun",
     "MadeMotion",
     "MadeOdometry",
@@ -6179,6 +6180,26 @@ class StartRun:
         Messages that take effect up to this stamp [ns] were used.
         """
 
+class LocalizeReport:
+    """
+    Pose after the turn of a scan, as a robot has it.
+    """
+    @property
+    def arrival(self) -> int | None:
+        """
+        Of the message that gave the scan its turn [ns]; None if the log ended first.
+        """
+    @property
+    def estimate(self) -> PoseEstimate:
+        """
+        PoseEstimate.
+        """
+    @property
+    def ready(self) -> bool:
+        """
+        Whether one cluster was almost certain.
+        """
+
 class LocalizeRun:
     """
     Result of a localization on a map, as columns.
@@ -6254,6 +6275,11 @@ class LocalizeRun:
     def reason(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into Reason, why it was not fused.
+        """
+    @property
+    def reports(self) -> list[LocalizeReport]:
+        """
+        A LocalizeReport for each scan that was not STALE, in order of turns.
         """
     @property
     def residual(self) -> numpy.typing.NDArray[numpy.float64]: ...

@@ -72,9 +72,17 @@ LocalizeRun localize(LiveMcl& mcl, const MessageLog& log, const std::vector<Lase
   observer.scanned = [&](const LaserScan& /*scan*/, const Outcome& outcome) {
     if (outcome.verdict != Verdict::kStale) {
       keep(run.steps, step_of(mcl.mcl()));
+      run.reports.push_back({LocalizeRun::kAtEnd, run.steps.back().estimate, false});
     }
     if (progress) {
       progress(outcomes.size() - std::min(mcl.waiting(), outcomes.size()), run);
+    }
+  };
+  std::size_t reported = 0;
+  const auto arrived = [&](Stamp arrival) {
+    for (; reported < run.reports.size(); ++reported) {
+      run.reports[reported].arrival = arrival;
+      run.reports[reported].ready = mcl.mcl().ready();
     }
   };
   std::size_t next = 0;
@@ -90,6 +98,7 @@ LocalizeRun localize(LiveMcl& mcl, const MessageLog& log, const std::vector<Lase
       } else {
         mcl.on(made, observer);
       }
+      arrived(messages[next].arrival);
       next = end;
     }
   };
@@ -97,9 +106,11 @@ LocalizeRun localize(LiveMcl& mcl, const MessageLog& log, const std::vector<Lase
     feed_until(arrivals[i]);
     outcomes.push_back(&run.scan_outcomes[i]);
     mcl.on(scans[i], observer);
+    arrived(arrivals[i]);
   }
   feed_until(std::numeric_limits<Stamp>::max());
   mcl.finish(observer);
+  arrived(LocalizeRun::kAtEnd);
   return run;
 }
 

@@ -933,7 +933,8 @@ class RunConfig(Strict):
     def latency_of_tables_s(self) -> dict[Source, float]:
         """The same in a log that is prepared: what is made of scans has the stamps of scans."""
         made: dict[Source, object] = {"odometry": self.scan_odometry,
-                                      "landmark_sightings": self.cylinders}  # fmt: skip
+                                      "landmark_sightings": self.cylinders,
+                                      "poses": self.mcl and self.mcl.poses_hz}  # fmt: skip
         return {source: late if made.get(source) is None else 0.0
                 for source, late in self.latency_s.items()}  # fmt: skip
 

@@ -13,7 +13,7 @@ from locfuse.config.build import build_anchors, build_cylinder_detector
 from locfuse.config.schema import USABLE, RunConfig
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
 from locfuse.run.health import name_of, reason_of
-from locfuse.run.mcl import LIKELY, live_mcl, mcl_on
+from locfuse.run.mcl import LIKELY, PoseTicks, live_mcl, mcl_on
 from locfuse.run.messages import landmark_sight
 from locfuse.run.odometry import odometry_timeline, uses_gyro
 from locfuse.run.start import given_start, grid_of
@@ -139,11 +139,9 @@ class LiveRun:
         self._driven: Row = {}  # the last odometry
         self._received: deque[tuple[str, Row]] = deque(maxlen=MAX_KEPT)  # while it searches
         self._received_ns: int | None = None
-        self._tick: int | None = None
         self._on_map: _core.LiveMcl | None = None
         self._found_on_map = False  # one place was left at some time, or the start was given
         self._map_pose: _core.PoseEstimate | None = None
-        self._begin_ns: int | None = None
         self._filter: _core.Live | None = None
         if config.mcl is None or config.mcl.poses_hz is not None:
             self._filter = _core.Live(
@@ -278,7 +276,9 @@ class LiveRun:
         if grid is None:
             raise ConfigError("mcl needs a map, but the world has none; add 'map: FILE.yaml' to "
                               "its log.yaml, or remove mcl")  # fmt: skip
-        self._begin_ns, self._found_on_map = begin_ns, start is not None
+        self._found_on_map = start is not None
+        assert self.config.mcl is not None
+        self._ticks = PoseTicks(begin_ns, self.config.mcl.poses_hz or 0.0)
         mcl = mcl_on(self.config, grid, begin_ns, self._radios, self._landmarks(), start)
         return live_mcl(self.config, mcl)
 
@@ -293,14 +293,8 @@ class LiveRun:
 
     def _feed_filter(self, estimate: _core.PoseEstimate) -> None:
         """Pass on a pose of the map, at most one in each tick of ``mcl.poses_hz``."""
-        assert self.config.mcl is not None
-        assert self.config.mcl.poses_hz is not None
-        assert self._begin_ns is not None
-        seconds = (estimate.stamp - self._begin_ns) / NANOSECONDS
-        tick = int(np.floor(seconds * self.config.mcl.poses_hz + 1e-6))
-        if tick == self._tick or "poses" in self._disabled:
+        if "poses" in self._disabled or not self._ticks.take(estimate.stamp):
             return
-        self._tick = tick
         variance = np.diag(estimate.covariance)
         position = np.sqrt(variance[:2].mean())
         sigmas = [position, position, np.sqrt(variance[2])]
@@ -348,7 +342,7 @@ class LiveRun:
             self._filter.start_at(estimate)
         if self.config.mcl is not None:
             self._on_map = self._start_on_map(start.stamp_ns, estimate)
-            self._map_pose, self._tick = estimate, None
+            self._map_pose = estimate
         self._held = []
 
     def go_on_from(self, before: LiveRun) -> None:
@@ -373,7 +367,7 @@ class LiveRun:
     def relocalize(self) -> None:
         """Forget the pose and search it, though the start was given."""
         self._given, self._held = None, []
-        self._on_map = self._map_pose = self._tick = None
+        self._on_map = self._map_pose = None
         self._found_on_map = False
         if self._filter is not None:
             self._filter.relocalize()

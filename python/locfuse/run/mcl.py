@@ -72,6 +72,8 @@ class Localization:
         How far the estimates may be trusted, a row for each.
     injections : tuple of Injection
         When UWB took over, where ``mcl`` has a switch.
+    reports : tuple of LocalizeReport
+        The pose after each scan, as a robot has it, where they are poses of another estimator.
     frames : tuple of Frame
         Particles on the way, evenly chosen of a long log.
     """
@@ -89,6 +91,7 @@ class Localization:
     wall_s: float
     health: Health
     injections: tuple[_core.Injection, ...] = ()
+    reports: tuple[_core.LocalizeReport, ...] = ()
     frames: tuple[Frame, ...] = ()
 
 
@@ -216,6 +219,7 @@ def localize(
             wall_s=wall_s,
             health=health_of(run, messages, config),
             injections=tuple(mcl.injections),
+            reports=tuple(run.reports) if config.mcl and config.mcl.poses_hz is not None else (),
             frames=tuple(film.frames),
         )  # fmt: skip
 
@@ -343,23 +347,40 @@ class _Search:
 def with_poses_of(localization: Localization, log: Log, rate_hz: float) -> Log:
     """Return the log with the estimates of an `Mcl` in place of its poses.
 
-    Estimates are poses while they are ready, and at most one in each tick of the rate.
+    Estimates are poses while they are ready, and at most one in each tick of the rate. They arrive
+    when a robot has them; those of scans that still wait when the log ends do not.
     """
-    estimate = localization.estimate
-    assert estimate.heading is not None
-    assert estimate.covariance is not None
-    ready = np.flatnonzero(localization.ready)
-    seconds = (estimate.stamp_ns[ready] - localization.begin_ns) / NANOSECONDS
-    # A tick that falls on a stamp is that stamp's, however the division was rounded.
-    tick = np.floor(seconds * rate_hz + 1e-6)
-    rows = ready[np.unique(tick, return_index=True)[1]]
-    variance = np.diagonal(estimate.covariance[rows], axis1=1, axis2=2)
+    ticks = PoseTicks(localization.begin_ns, rate_hz)
+    kept = [report for report in localization.reports
+            if report.arrival is not None and report.ready and ticks.take(report.estimate.stamp)
+            ]  # fmt: skip
+    estimates = [report.estimate for report in kept]
+    variance = np.array([np.diag(e.covariance) for e in estimates]).reshape(-1, 3)
     poses: Columns = {
-        "stamp_ns": estimate.stamp_ns[rows],
-        "x_m": estimate.position[rows, 0],
-        "y_m": estimate.position[rows, 1],
-        "heading_rad": estimate.heading[rows],
+        "stamp_ns": np.array([e.stamp for e in estimates], np.int64),
+        "x_m": np.array([e.pose.x for e in estimates]),
+        "y_m": np.array([e.pose.y for e in estimates]),
+        "heading_rad": np.array([e.pose.heading for e in estimates]),
         "sigma_xy_m": np.sqrt(variance[:, :2].mean(axis=1)),
         "sigma_heading_rad": np.sqrt(variance[:, 2]),
+        "arrival_ns": np.array([report.arrival for report in kept], np.int64),
     }
     return replace(log, tables={**log.tables, "poses": poses})
+
+
+class PoseTicks:
+    """Lets one estimate of each tick of ``mcl.poses_hz`` pass."""
+
+    def __init__(self, begin_ns: int, rate_hz: float) -> None:
+        self._begin_ns = begin_ns
+        self._rate_hz = rate_hz
+        self._tick: int | None = None
+
+    def take(self, stamp_ns: int) -> bool:
+        """Return whether an estimate is the first of its tick."""
+        # A tick that falls on a stamp is that stamp's, however the division was rounded.
+        seconds = (stamp_ns - self._begin_ns) / NANOSECONDS
+        tick = int(np.floor(seconds * self._rate_hz + 1e-6))
+        is_first = tick != self._tick
+        self._tick = tick
+        return is_first

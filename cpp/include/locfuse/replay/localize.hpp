@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "locfuse/replay/live_mcl.hpp"
@@ -20,9 +21,17 @@ struct LocalizeRun {
     double sigma;  ///< of all particles, largest half axis of their ellipse [m]
     HealthReport health;
   };
+  /// A pose after the turn of a scan, as a robot has it.
+  struct Report {
+    Stamp arrival;  ///< of the message that gave the scan its turn; kAtEnd if the log ended first
+    PoseEstimate estimate;
+    bool ready;
+  };
+  static constexpr Stamp kAtEnd = std::numeric_limits<Stamp>::max();
   std::vector<Outcome> outcomes;       ///< per message, in order of arrival
   std::vector<Outcome> scan_outcomes;  ///< per scan
   std::vector<Step> steps;      ///< at increasing stamps, as known then; none for stale scans
+  std::vector<Report> reports;  ///< for each scan that is not stale, in order of turns
 };
 
 /// Receives the number of messages and scans that have had their turn and the results so far, of
