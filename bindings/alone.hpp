@@ -17,6 +17,7 @@
 #include "locfuse/messages/message.hpp"
 #include "locfuse/replay/live.hpp"
 #include "locfuse/replay/localize.hpp"
+#include "locfuse/replay/odometry_timeline.hpp"
 
 /// Releases the GIL while an object is modified. Other threads that use the object wait for their
 /// turn, as they would for the GIL; a callback on the owning thread may access it.
@@ -120,6 +121,8 @@ template <>
 struct type_caster<locfuse::LiveMcl> : Awaited<locfuse::LiveMcl> {};
 template <>
 struct type_caster<locfuse::Mcl> : Awaited<locfuse::Mcl> {};
+template <>
+struct type_caster<locfuse::OdometryTimeline> : Awaited<locfuse::OdometryTimeline> {};
 template <>
 struct type_caster<locfuse::RecoveringEkf> : Awaited<locfuse::RecoveringEkf> {};
 template <>

@@ -153,8 +153,12 @@ Raises
 ValueError
     If the message is not valid; it is discarded.
 )")
-      .def_property_readonly("outcome", &OdometryTimeline::outcome,
-                             "Outcome of the last message: STALE if it was too late.")
+      .def_property_readonly(
+          "outcome", [](const OdometryTimeline& timeline) { return timeline.outcome(); },
+          "Outcome of the last message: FUSED, IGNORED if it waits or is of no use, STALE if it "
+          "was "
+          "too late.")
+      .def("__copy__", [](const OdometryTimeline& timeline) { return timeline; })
       .def(
           "of_log",
           [](OdometryTimeline& timeline, SharedLog& log) {

@@ -59,6 +59,9 @@ Smoothed smooth(const locfuse::PoseEkf::Config& config, const locfuse::World& wo
   }
   Smoothed found = locfuse::smooth(settings, world, start, messages);
   std::vector<locfuse::Outcome> outcomes(log.log.arrivals().size());  // kIgnored
+  for (std::size_t i = 0; i < replaced.size(); ++i) {
+    outcomes[i].reason = replaced[i] ? locfuse::Reason::kReplaced : locfuse::Reason::kNone;
+  }
   for (std::size_t k = 0; k < places.size(); ++k) {
     outcomes[places[k]] = found.outcomes[k];
   }

@@ -5697,6 +5697,7 @@ class OdometryTimeline:
     >>> [made.again for made in timeline.on(Imu(5 * 10**7, [0.0, 0.0, 0.3]))]  # it comes late
     [True]
     """
+    def __copy__(self) -> OdometryTimeline: ...
     def __init__(
         self,
         gyro: GyroOdometryConfig | None = None,
@@ -5733,7 +5734,7 @@ class OdometryTimeline:
     @property
     def outcome(self) -> Outcome:
         """
-        Outcome of the last message: STALE if it was too late.
+        Outcome of the last message: FUSED, IGNORED if it waits or is of no use, STALE if it was too late.
         """
 
 class LiveMcl:

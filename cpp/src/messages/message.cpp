@@ -59,7 +59,7 @@ Key key_of(const RangeBearing& z) {
 Key key_of(const Imu& z) {
   const Vector<3> force = z.specific_force.value_or(Vector<3>::Zero());
   return {z.specific_force ? 1 : 0,
-          0,
+          static_cast<std::int64_t>(bits_of(force.y())),
           {bits_of(z.angular_rate.x()), bits_of(z.angular_rate.y()), bits_of(z.angular_rate.z()),
            bits_of(force.x()), bits_of(force.z())}};
 }

@@ -29,15 +29,21 @@ void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observe
     }
     return;
   }
+  const auto waits = [&](std::size_t origin) -> const Increment* {
+    const auto found = internal::find_origin(waiting_, origin);
+    return found == waiting_.end() ? nullptr : &std::get<Increment>(found->message);
+  };
+  const bool fits = covers_those_before(motions, [&](std::size_t origin) {
+    const Increment* waiting = waits(origin);
+    return waiting != nullptr ? waiting : find_fused(origin);
+  });
   // Those that are fused are a beginning of them.
   std::size_t fused = 0;
   for (std::size_t k = 0; k < motions.size(); ++k) {
-    if (motions[k].again && internal::find_origin(waiting_, motions[k].origin) == waiting_.end()) {
-      fused = k + 1;
-    }
+    fused = motions[k].again && waits(motions[k].origin) == nullptr ? k + 1 : fused;
   }
-  bool is_late = false;
-  if (fused > 0) {
+  bool is_late = !fits;
+  if (fits && fused > 0) {
     const std::vector<MadeMotion> of_timeline(motions.begin(),
                                               motions.begin() + static_cast<std::ptrdiff_t>(fused));
     const Outcome outcome = fuse_by(first, observer, [&](auto& timeline, const auto& sink) {
@@ -45,7 +51,7 @@ void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observe
     });
     is_late = outcome.verdict == Verdict::kStale;
   }
-  for (std::size_t k = fused; k < motions.size(); ++k) {
+  for (std::size_t k = fits ? fused : 0; k < motions.size(); ++k) {
     const Increment& moved = motions[k].increment;
     if (is_late) {
       if (observer.fused) {
@@ -62,6 +68,10 @@ void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observe
     }
     internal::insert_in_order(waiting_, {moved.begin, first + k, moved, motions[k].origin});
   }
+}
+
+const Increment* LiveMcl::find_fused(std::size_t origin) const {
+  return std::visit([&](const auto& timeline) { return timeline.find(origin); }, timeline_);
 }
 
 void LiveMcl::take(Entry entry, const Observer& observer) {

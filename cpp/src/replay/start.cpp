@@ -25,8 +25,9 @@ void StartSearch::on(const Message& message, std::size_t origin) {
 }
 
 void StartSearch::on(const std::vector<MadeMotion>& motions) {
-  const bool all_wait = std::all_of(motions.begin(), motions.end(), [&](const MadeMotion& m) {
-    return !m.again || internal::find_origin(waiting_, m.origin) != waiting_.end();
+  const bool all_wait = covers_those_before(motions, [&](std::size_t origin) -> const Increment* {
+    const auto found = internal::find_origin(waiting_, origin);
+    return found == waiting_.end() ? nullptr : &std::get<Increment>(found->message);
   });
   if (!all_wait) {
     return;

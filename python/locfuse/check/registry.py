@@ -101,7 +101,8 @@ def check(config: RunConfig, log: Log | None = None, *, base: Path | None = None
     """
     try:
         log = load_log(config, base, config.seed) if log is None else log
-        log = as_recorded(with_odometry(with_cylinders(log, config), config, gyro=False))
+        log = with_odometry(with_cylinders(log, config), config, gyro=False)
+        log = as_recorded(log, config.history_s)
     except LogError as problem:
         return CheckResult([_unreadable(problem, "log")], None)
     except ConfigError as problem:

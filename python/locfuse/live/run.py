@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,7 +85,7 @@ class LiveRun:
 
     With the rows of a log in their order of arrival its estimates are those of `run` at the same
     stamps, bit for bit, if nothing came later than a quarter of a second while it searched its
-    start.
+    start, and the samples of a gyro begin when the wheels do.
 
     Not used are ``log``, ``simulation`` and ``switched_off`` of `config`, and the messages of
     `world`. `names` holds names in order of id; `counts` how many messages became what, by
@@ -357,7 +358,7 @@ class LiveRun:
                 self.on(source, row)
         else:
             self.names.go_on_from(before.names)
-            self._odometry = before._odometry
+            self._odometry = copy(before._odometry)
             self.start_at(pose)
             if self._on_map is not None and before._on_map is not None:
                 self._use_estimates(self._on_map.go_on_from(before._on_map))

@@ -58,8 +58,7 @@ def with_odometry(log: Log, config: RunConfig, *, gyro: bool = True) -> Log:
             _add_samples(messages, log["imu"], config.latency_s["imu"])
         if wheels is not None:
             table = undelayed("odometry", wheels, config.latency_s["odometry"])
-            known = table.get("arrival_ns", table["stamp_ns"])
-            arrival = np.maximum(known, table["stamp_ns"])
+            arrival = wheels.get("arrival_ns", wheels["stamp_ns"])
             add_odometry(messages, {**table, "arrival_ns": arrival})
         if by_scans:
             scans = scans_of(log)
@@ -70,29 +69,33 @@ def with_odometry(log: Log, config: RunConfig, *, gyro: bool = True) -> Log:
             messages.add_scans(scans, log["scans"].get("arrival_ns"))
         messages.sort()
         made = odometry_timeline(config, gyro).of_log(messages)
+    except LogError:
+        raise
     except ValueError as problem:
         raise LogError(f"odometry of wheels, gyro or scans: {problem}") from problem
-    tables = dict(log.tables)
-    if by_scans:
-        tables.pop("odometry", None)
-    else:
-        tables["wheels"] = log["odometry"]
     is_timed = gyro or "arrival_ns" in log["scans"]
     if len(made) > 0:
-        tables["odometry"] = _table_of(made, is_timed)
-    return replace(log, tables=tables)
+        odometry = _table_of(made, is_timed)
+    elif by_scans:  # a single one
+        odometry = {"stamp_ns": log["scans"]["stamp_ns"][:1], "dx_m": np.zeros(1),
+                    "dy_m": np.zeros(1), "dheading_rad": np.zeros(1)}  # fmt: skip
+    else:
+        return log
+    kept = {} if by_scans else {"wheels": log["odometry"]}
+    return replace(log, tables={**log.tables, **kept, "odometry": odometry})
 
 
-def as_recorded(log: Log) -> Log:
+def as_recorded(log: Log, history_s: float) -> Log:
     """Return a log as it was before `with_odometry`; odometry of scans stays, as it was at the end.
 
-    Its first row is a motion from before the log, as in a file.
+    Its first row is a motion from before the log, as in a file. What is late by more than
+    `history_s` shows that the clock went back, and stays behind what came before.
     """
     tables = dict(log.tables)
     odometry, wheels = tables.get("odometry", {}), tables.pop("wheels", None)
     if "origin" not in odometry:
-        return log if wheels is None else replace(log, tables={**tables, "odometry": wheels})
-    tables["odometry"] = _without_replaced(odometry) if wheels is None else wheels
+        return log
+    tables["odometry"] = wheels or _without_replaced(odometry, round(history_s * NANOSECONDS))
     return replace(log, tables=tables)
 
 
@@ -121,11 +124,14 @@ def _table_of(made: _core.MadeOdometry, is_timed: bool) -> Columns:
     return {**table, "arrival_ns": made.arrival_ns} if is_timed else table
 
 
-def _without_replaced(odometry: Columns) -> Columns:
+def _without_replaced(odometry: Columns, history_ns: int) -> Columns:
     """Return motions as they were at the end, in order of stamps, with the columns of a file."""
     _, from_behind = np.unique(odometry["origin"][::-1], return_index=True)
     rows = len(odometry["origin"]) - 1 - from_behind
-    rows = rows[np.argsort(odometry["stamp_ns"][rows], kind="stable")]
+    rows = rows[odometry["begin_ns"][rows] < odometry["stamp_ns"][rows]]
+    stamp = odometry["stamp_ns"][rows]  # by order of origins
+    clock = np.cumsum(stamp < np.maximum.accumulate(stamp) - history_ns)
+    rows = rows[np.lexsort((stamp, clock))]
     names = ("stamp_ns", "dx_m", "dy_m", "dheading_rad", "arrival_ns")
     table: Columns = {name: odometry[name][rows] for name in names if name in odometry}
     first = {"stamp_ns": odometry["begin_ns"][rows[:1]]}

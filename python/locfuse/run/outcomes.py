@@ -76,14 +76,16 @@ def outcomes_of_mcl(localization: Localization, log: Log, config: RunConfig) -> 
 
 
 def _outcomes(messages: Messages, columns: Columns, reason: NDArray[np.object_]) -> Outcomes:
+    """Return what became of messages; of a motion that was made again the last one counts."""
+    kept = columns["reason"] != _core.Reason.REPLACED
     return Outcomes(
-        stamp_ns=messages.stamp_ns,
-        source=messages.source,
-        tag=messages.tag,
-        anchor=messages.anchor,
-        verdict=VERDICTS[columns["verdict"]],
-        reason=reason.astype(str),
-        **{name: columns[name] for name in ("nis", "dof", "log_likelihood", "residual")},
+        stamp_ns=messages.stamp_ns[kept],
+        source=messages.source[kept],
+        tag=messages.tag[kept],
+        anchor=messages.anchor[kept],
+        verdict=VERDICTS[columns["verdict"][kept]],
+        reason=reason[kept].astype(str),
+        **{name: columns[name][kept] for name in ("nis", "dof", "log_likelihood", "residual")},
     )
 
 
@@ -106,7 +108,8 @@ def _sentences(
             residual=columns["residual"][row],
         )  # fmt: skip
     if "slipped" in log.tables.get("odometry", {}):
-        driven = np.flatnonzero(messages.source == "odometry")
+        is_fused = columns["verdict"] == _core.Verdict.FUSED
+        driven = np.flatnonzero((messages.source == "odometry") & is_fused)
         slips = driven[log["odometry"]["slipped"][messages.row[driven]]]
         sentence[slips] = "wheels slip, by the gyro: its turn counts, and the way less"
     return sentence

@@ -326,7 +326,7 @@ def _result(
     truth = truth_of(log)
     return RunResult(
         config=config.model_dump(mode="json"),
-        log=as_recorded(log),
+        log=as_recorded(log, config.history_s),
         estimate=estimate,
         truth=truth,
         outcomes=outcomes,

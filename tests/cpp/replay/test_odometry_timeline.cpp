@@ -243,20 +243,108 @@ TEST(OdometryTimeline, a_late_sample_changes_the_motions_from_it_on) {
   EXPECT_TRUE(odometry.on(Imu{kTick + 1, {0.0, 0.0, 0.9}}).empty());  // one of that stamp holds
 }
 
+Increment wheels_at(Stamp stamp) { return {stamp - kTick, stamp, {0.1, 0.0, 0.0}, {}}; }
+
 TEST(OdometryTimeline, what_is_older_than_the_history_is_stale_and_changes_nothing) {
   OdometryTimeline odometry = timeline_of(kGyro);
-  odometry.on(Imu{4 * kSecond, {0.0, 0.0, 0.1}});
+  EXPECT_EQ(odometry.on(wheels_at(4 * kSecond)).size(), 1U);
   EXPECT_EQ(odometry.outcome().verdict, Verdict::kFused);
-  EXPECT_TRUE(odometry.on(Increment{kSecond, kSecond + kTick, {0.1, 0.0, 0.0}, {}}).empty());
-  EXPECT_EQ(odometry.outcome().reason, Reason::kTooLate);
+  for (const Message& late : {Message(wheels_at(kSecond)), Message(Imu{kSecond, {}, {}})}) {
+    EXPECT_TRUE(odometry.on(late).empty());
+    EXPECT_EQ(odometry.outcome().reason, Reason::kTooLate);
+  }
 }
 
 TEST(OdometryTimeline, one_wrong_stamp_makes_no_other_late) {
   OdometryTimeline odometry = timeline_of(kGyro);
-  odometry.on(Imu{0, {0.0, 0.0, 0.1}});
-  EXPECT_TRUE(odometry.on(Increment{0, 3600 * kSecond, {0.1, 0.0, 0.0}, {}}).empty());
+  EXPECT_EQ(odometry.on(wheels_at(kTick)).size(), 1U);
+  EXPECT_TRUE(odometry.on(wheels_at(3600 * kSecond)).empty());
   EXPECT_EQ(odometry.outcome().reason, Reason::kTooFarAhead);
-  EXPECT_EQ(odometry.on(Increment{0, kTick, {0.1, 0.0, 0.0}, {}}).size(), 1U);
+  EXPECT_TRUE(odometry.on(Imu{3600 * kSecond, {}, {}}).empty());
+  EXPECT_EQ(odometry.outcome().reason, Reason::kTooFarAhead);
+  EXPECT_EQ(odometry.on(wheels_at(2 * kTick)).size(), 1U);
+}
+
+TEST(OdometryTimeline, a_gyro_with_another_clock_leaves_the_wheels_as_they_come) {
+  for (const Stamp ahead : {-60 * kSecond, -6 * kSecond, 4 * kSecond, 3600 * kSecond}) {
+    OdometryTimeline odometry = timeline_of(kGyro);
+    for (int i = 1; i <= 200; ++i) {
+      odometry.on(Imu{i * kTick + ahead + 100 * kSecond, {0.0, 0.0, 3.0}});
+      const Increment wheels = wheels_at(i * kTick + 100 * kSecond);
+      const std::vector<MadeMotion> made = odometry.on(wheels);
+      ASSERT_EQ(made.size(), 1U) << ahead;
+      EXPECT_EQ(made[0].increment.motion.heading, 0.0);
+    }
+  }
+}
+
+TEST(OdometryTimeline, wheels_with_another_clock_leave_all_scans_their_motion) {
+  const Drive run = drive({Wheels::kIncrements, false, true});
+  for (const Stamp ahead : {-6 * kSecond, 3 * kSecond, 60 * kSecond}) {
+    OdometryTimeline odometry = timeline_of({Wheels::kIncrements, false, true});
+    std::size_t scans = 0;
+    std::size_t made = 0;
+    for (const Message& message : run.messages) {
+      scans += std::holds_alternative<LaserScan>(message) ? 1 : 0;
+      const bool is_wheels = std::holds_alternative<Increment>(message);
+      made += odometry.on(is_wheels ? earlier(message, -ahead) : message).size();
+    }
+    EXPECT_EQ(made + 1, scans) << ahead;
+  }
+}
+
+TEST(OdometryTimeline, a_pause_of_wheels_ends_with_the_second_message_though_the_gyro_is_dead) {
+  OdometryTimeline odometry = timeline_of(kGyro);
+  odometry.on(Imu{0, {}, {}});
+  odometry.on(wheels_at(kTick));
+  EXPECT_TRUE(odometry.on(wheels_at(9 * kSecond)).empty());
+  EXPECT_EQ(odometry.on(wheels_at(9 * kSecond + kTick)).size(), 2U);
+}
+
+TEST(OdometryTimeline, says_a_motion_once_where_those_held_come_in_the_wrong_order) {
+  OdometryTimeline odometry = timeline_of(kGyro);
+  odometry.on(Velocity{0, 0.5, 0.0});
+  odometry.on(Velocity{9 * kSecond + 2 * kTick, 0.5, 0.0});
+  const std::vector<MadeMotion> made = odometry.on(Velocity{9 * kSecond + kTick, 0.5, 0.0});
+  ASSERT_EQ(made.size(), 1U);
+  EXPECT_EQ(made[0].increment.begin, 9 * kSecond + kTick);
+  EXPECT_EQ(made[0].increment.stamp, 9 * kSecond + 2 * kTick);
+  EXPECT_FALSE(made[0].again);
+}
+
+TEST(OdometryTimeline, of_two_scans_of_one_stamp_one_makes_a_motion_whichever_comes_first) {
+  const Drive run = drive({Wheels::kNone, false, true});
+  std::vector<LaserScan> scans;
+  for (const Message& message : run.messages) {
+    if (const auto* scan = std::get_if<LaserScan>(&message)) {
+      scans.push_back(*scan);
+    }
+  }
+  scans.resize(6);
+  scans[4].stamp = scans[3].stamp;
+  std::vector<Pose2> ends;
+  for (const auto& order : {std::vector{0, 1, 2, 3, 4, 5}, std::vector{0, 1, 2, 4, 3, 5}}) {
+    OdometryTimeline odometry = timeline_of({Wheels::kNone, false, true});
+    std::map<std::size_t, Increment> motions;
+    for (const int i : order) {
+      for (const MadeMotion& made : odometry.on(scans[static_cast<std::size_t>(i)])) {
+        motions[made.origin] = made.increment;
+      }
+    }
+    std::map<Stamp, Pose2> by_begin;
+    for (const auto& [origin, motion] : motions) {
+      if (motion.stamp > motion.begin) {
+        EXPECT_TRUE(by_begin.emplace(motion.begin, motion.motion).second);
+      }
+    }
+    Pose2 sum;
+    for (const auto& [begin, motion] : by_begin) {
+      sum = sum * motion;
+    }
+    ends.push_back(sum);
+  }
+  EXPECT_EQ(ends[0].x, ends[1].x);
+  EXPECT_EQ(ends[0].heading, ends[1].heading);
 }
 
 TEST(OdometryTimeline, starts_anew_where_the_clock_went_back) {
@@ -331,6 +419,23 @@ TEST(Timeline, one_that_is_made_again_of_none_in_the_history_changes_nothing) {
   for (const Outcome& outcome : outcomes) {
     EXPECT_EQ(outcome.reason, Reason::kTooLate);
   }
+}
+
+TEST(Timeline, a_motion_is_not_replaced_by_a_part_of_it) {
+  Timeline<PoseEkf> timeline(ekf_at_rest(), 10 * kSecond);
+  timeline.on(std::vector{motion_of(1, 0, 0.5)}, kNoSink);
+  const GaussianBelief before = timeline.estimator().belief();
+  MadeMotion part = motion_of(1, kSecond / 2, 0.2, true);
+  part.increment.stamp = kSecond;
+  std::vector<Outcome> outcomes;
+  timeline.on(std::vector{part},
+              [&](std::size_t, const Outcome& outcome) { outcomes.push_back(outcome); });
+  ASSERT_EQ(outcomes.size(), 1U);
+  EXPECT_EQ(outcomes[0].reason, Reason::kTooLate);
+  EXPECT_TRUE(same_bits(timeline.estimator().belief(), before));
+  const MadeMotion first{2, false, false, Increment{0, kSecond / 2, {0.2, 0.0, 0.0}, {}}};
+  timeline.on(std::vector{first, part}, kNoSink);
+  EXPECT_DOUBLE_EQ(timeline.estimator().estimate().pose.x, 0.4);
 }
 
 TEST(Timeline, what_cannot_be_made_again_leaves_what_was) {

@@ -288,10 +288,7 @@ def test_it_is_the_same_live_and_a_late_scan_counts_where_it_belongs() -> None:
     late_log = Log(tables={**log.tables, "scans": late}, laser=log.laser)
     result = run(config, late_log)
     assert result.estimate.position[-1].tolist() == expected.estimate.position[-1].tolist()
-    assert result.metrics["counts"]["odometry"]["fused"] == 20
-    again = result.outcomes.reason == "made again after a late message"
-    assert set(result.outcomes.verdict[again].tolist()) == {"ignored"}
-    assert 1 <= np.sum(again) <= 3  # those of the scans that had come in between
+    assert result.metrics["counts"]["odometry"] == {"fused": 20}  # one row each
     assert_same(config, late_log, least=0.7)
     for name in ("stamp_ns", "dx_m", "dy_m", "dheading_rad"):  # as it was at the end
         assert result.log["odometry"][name].tolist() == expected.log["odometry"][name].tolist()
@@ -340,7 +337,7 @@ def test_the_odometry_of_a_run_follows_recordings_without_wheels(
                                  if name != "odometry"})  # fmt: skip
     found = {
         name: relative_errors(
-            dead_reckon(as_recorded(with_odometry(each, config))["odometry"]), truth, 10.0
+            dead_reckon(as_recorded(with_odometry(each, config), 2.0)["odometry"]), truth, 10.0
         )
         for name, each in (("with wheels", log), ("without", blind))
     }

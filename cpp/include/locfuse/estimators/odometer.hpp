@@ -31,6 +31,12 @@ class Odometer {
   /// The motion that the last message ended, if it did.
   [[nodiscard]] const std::optional<GyroOdometry::Motion>& made() const { return made_; }
 
+  /// Whether a message may end a motion: a scan where scans make the odometry, else one of wheels.
+  /// The others only help, and a Timeline does not follow their clocks.
+  [[nodiscard]] bool leads(const Message& message) const {
+    return source_of(message) == (scans_ ? Source::kScans : Source::kOdometry);
+  }
+
   /// How a Timeline feeds it.
   static constexpr bool kInOrderOfStamps = true;
   /// The order at one stamp.

@@ -77,6 +77,7 @@ class LiveMcl {
   using Entry = internal::TimelineEntry;
 
   void take(Entry entry, const Observer& observer);
+  [[nodiscard]] const Increment* find_fused(std::size_t origin) const;
   template <class Call>
   Outcome fuse_by(std::size_t index, const Observer& observer, const Call& call);
   void watch_time(const Message& message, Stamp stamp);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <type_traits>
@@ -104,33 +105,25 @@ class MessageHistory {
     }
   }
 
-  /// Whether the motion of an origin is held.
-  [[nodiscard]] bool holds(std::size_t origin) const {
-    return std::any_of(entries_.rbegin(), entries_.rend(),
-                       [&](const TimelineEntry& e) { return e.origin == origin; });
+  /// The motion of an origin, or null.
+  [[nodiscard]] const Increment* find(std::size_t origin) const {
+    const auto found = std::find_if(entries_.rbegin(), entries_.rend(),
+                                    [&](const TimelineEntry& e) { return e.origin == origin; });
+    return found == entries_.rend() ? nullptr : &std::get<Increment>(found->message);
   }
 
   /// Fuses motions in place of those of the same origins, which the sink receives as kReplaced.
   /// What the estimator throws is passed on, and all is as it was.
   template <class Sink>
   void replace(const std::vector<TimelineEntry>& motions, Estimator& estimator, Sink& sink) {
-    const std::vector<TimelineEntry> before = entries_;
+    std::vector<TimelineEntry> before;
     std::size_t first = entries_.size();
     for (const TimelineEntry& motion : motions) {
-      const auto old = std::find_if(entries_.begin(), entries_.end(), [&](const TimelineEntry& e) {
-        return e.origin == motion.origin;
-      });
-      if (old != entries_.end()) {
-        sink(old->index, Outcome{Verdict::kIgnored, Reason::kReplaced});
-        first = std::min(first, static_cast<std::size_t>(old - entries_.begin()));
-        entries_.erase(old);
-      }
-      const auto place = std::upper_bound(entries_.begin(), entries_.end(), motion, precedes);
-      first = std::min(first, static_cast<std::size_t>(place - entries_.begin()));
-      entries_.insert(place, motion);
+      const std::size_t place = remove_origin(motion.origin, &before);
+      first = std::min({first, place, insert_in_place(motion)});
     }
-    if (first == before.size()) {
-      return;
+    for (const TimelineEntry& entry : before) {
+      sink(entry.index, Outcome{Verdict::kIgnored, Reason::kReplaced});
     }
     joint_begin_.reset();
     if (instant_begin_ && *instant_begin_ > first) {
@@ -140,8 +133,13 @@ class MessageHistory {
     try {
       fuse_again(first, estimator, sink);
     } catch (...) {
-      entries_ = before;
-      fuse_again(first, estimator, sink);
+      for (const TimelineEntry& motion : motions) {
+        remove_origin(motion.origin, nullptr);
+      }
+      for (const TimelineEntry& entry : before) {
+        insert_in_place(entry);
+      }
+      fuse_again(std::min(first, entries_.size()), estimator, sink);
       throw;
     }
   }
@@ -214,6 +212,29 @@ class MessageHistory {
       fuse_again(first, estimator, sink);
       throw;
     }
+  }
+
+  /// Removes the motion of an origin, which is near the end; returns where it was.
+  std::size_t remove_origin(std::size_t origin, std::vector<TimelineEntry>* removed) {
+    const auto behind = std::find_if(entries_.rbegin(), entries_.rend(),
+                                     [&](const TimelineEntry& e) { return e.origin == origin; });
+    if (behind == entries_.rend()) {
+      return entries_.size();
+    }
+    const auto found = std::prev(behind.base());
+    const auto place = static_cast<std::size_t>(found - entries_.begin());
+    if (removed != nullptr) {
+      removed->push_back(std::move(*found));
+    }
+    entries_.erase(found);
+    return place;
+  }
+  /// Inserts a motion without fusing it; returns where.
+  std::size_t insert_in_place(const TimelineEntry& entry) {
+    const auto place = std::upper_bound(entries_.begin(), entries_.end(), entry, precedes);
+    const auto position = static_cast<std::size_t>(place - entries_.begin());
+    entries_.insert(place, entry);
+    return position;
   }
 
   /// Adds a sighting to those of its instant, the last ones, and fuses all of them.

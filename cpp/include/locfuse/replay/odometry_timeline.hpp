@@ -14,8 +14,10 @@ namespace locfuse {
 /// Feeds an Odometer in order of stamps, whatever order messages arrive in, and says which motions
 /// that makes, and makes again.
 ///
-/// After a late message the motions from it on are made again; an estimator that takes them by a
-/// Timeline, Live or LiveMcl then has, bit for bit, those of the sorted log.
+/// What only helps, such as a sample of a gyro, waits until a message that ends a motion has come
+/// that far: a gyro with another clock than the wheels makes none of them late. After a late
+/// message the motions from it on are made again; an estimator that takes them by a Timeline, Live
+/// or LiveMcl then has, bit for bit, those of the sorted log.
 class OdometryTimeline {
  public:
   /// `history` [ns] is how late a message may be. With ClockJump::kContinue the odometer starts
@@ -27,15 +29,24 @@ class OdometryTimeline {
   /// std::invalid_argument if the message is not valid, and forgets it.
   const std::vector<MadeMotion>& on(const Message& message);
 
-  /// What became of the last message: kFused, or kStale if it was too late.
+  /// What became of the last message: kFused, kIgnored if it waits or is of no use, or kStale if it
+  /// was too late.
   [[nodiscard]] const Outcome& outcome() const { return outcome_; }
 
  private:
+  using Entry = internal::TimelineEntry;
+
+  void help(const Entry& entry);
+  void take_helpers(Stamp until);
+  void feed(const Entry& entry);
   void note(std::size_t origin);
+  void change(const MadeMotion& made);
   void forget_old();
 
   Timeline<Odometer> timeline_;
   Stamp history_;
+  std::vector<Entry> samples_;  // of a gyro, which wait; sorted
+  std::vector<Entry> wheels_;   // the same beside scans
   std::size_t arrivals_ = 0;
   std::size_t jumps_ = 0;
   Outcome outcome_;

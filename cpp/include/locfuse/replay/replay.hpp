@@ -218,6 +218,7 @@ class UsedMotions {
       if (motion.increment.begin <= until_) {
         origins_.insert(motion.origin);
       } else {
+        origins_.erase(motion.origin);
         motions[kept] = motion;
         places[kept++] = places[k];
       }
@@ -243,6 +244,7 @@ void take_together(const std::vector<MessageLog::Arrival>& arrivals, std::size_t
   const Stamp effective = effective_stamp(first.message);
   together.assign(1, begin);
   for (std::size_t i = begin + 1; i < arrivals.size() && arrivals[i].arrival == first.arrival &&
+                                  arrivals[i].origin == MadeMotion::kNoOrigin &&
                                   effective_stamp(arrivals[i].message) == effective;
        ++i) {
     together.push_back(i);

@@ -65,6 +65,13 @@ void validate_for(const Estimator& estimator, const Message& message) {
   std::visit([](const auto& m) { validate(m); }, message);
 }
 
+/// Whether some messages only help others, so that their clocks do not count.
+template <class Estimator, class = void>
+constexpr bool kHasHelpers = false;
+template <class Estimator>
+constexpr bool kHasHelpers<Estimator, std::void_t<decltype(std::declval<const Estimator&>().leads(
+                                          std::declval<const Message&>()))>> = true;
+
 /// Whether there is a pose to continue from.
 template <class Estimator>
 [[nodiscard]] bool has_started(const Estimator& estimator) {
@@ -127,8 +134,8 @@ class Timeline {
     take(entry_of(arrivals_++, message), sink, may_wait);
   }
   /// Takes the motions that one message changed, of an OdometryTimeline; `sink` as above, and
-  /// kReplaced for those that were there before. Where one of these is no longer in the history,
-  /// nothing changes, and all are kStale.
+  /// kReplaced for those that were there before. Where these are not all in the history, or cover
+  /// more than what is in place of them, nothing changes, and all are kStale.
   template <class Sink>
   void on(const std::vector<MadeMotion>& motions, Sink&& sink) {
     const std::size_t first = arrivals_;
@@ -153,9 +160,10 @@ class Timeline {
     bool is_late = false;
     for (const MadeMotion& motion : motions) {
       entries.push_back(entry_of(index++, motion.increment, motion.origin));
-      is_late = is_late || history_.is_stale(entries.back().stamp) ||
-                (motion.again && !history_.holds(motion.origin));
+      is_late = is_late || history_.is_stale(entries.back().stamp);
     }
+    is_late = is_late || !covers_those_before(
+                             motions, [&](std::size_t origin) { return history_.find(origin); });
     const bool is_off = disabled_[static_cast<std::size_t>(Source::kOdometry)];
     if (!is_off && !is_late) {
       history_.replace(entries, estimator_, sink);
@@ -184,8 +192,8 @@ class Timeline {
   [[nodiscard]] const Estimator& estimator() const { return estimator_; }
   /// Stamp of the newest message fused; the least of all stamps before the first.
   [[nodiscard]] Stamp newest() const { return history_.newest(); }
-  /// Whether the motion of an origin is in the history.
-  [[nodiscard]] bool holds(std::size_t origin) const { return history_.holds(origin); }
+  /// The motion of an origin in the history, or null.
+  [[nodiscard]] const Increment* find(std::size_t origin) const { return history_.find(origin); }
   /// Clock jumps after which the estimator restarted or continued.
   [[nodiscard]] std::size_t jumps() const { return jumps_; }
   /// Messages inside the history that were dropped since there were more than max_messages: later
@@ -215,8 +223,17 @@ class Timeline {
       detector_.clear_ahead();
       detector_.clear_stale();
       fuse(entry, sink, may_wait);
-      detector_.add_source(source);
+      add_source(entry);
     }
+  }
+
+  void add_source(const Entry& entry) {
+    if constexpr (internal::kHasHelpers<Estimator>) {
+      if (!estimator_.leads(entry.message)) {
+        return;
+      }
+    }
+    detector_.add_source(source_of(entry.message));
   }
 
   template <class Sink>
@@ -266,7 +283,7 @@ class Timeline {
       try {
         if (!history_.is_stale(e.stamp)) {
           fuse(e, sink);
-          detector_.add_source(source_of(e.message));
+          add_source(e);
         }
       } catch (...) {
         refused = std::current_exception();
