@@ -26,16 +26,10 @@ Column<Id> checked_ids(const char* name, const Ids& ids) {
   return checked(name, ids, "a 32-bit id");
 }
 
-/// Of motions that were made: what of each row is in a MadeMotion.
-struct Origins {
-  const std::int64_t* of = nullptr;
-  const bool* again = nullptr;
-};
-
 // Adds one message per row; `arrivals` may be absent.
 template <class Make>
 void add_rows(SharedLog& log, const Column<Stamp>& stamps, const std::optional<Stamps>& arrivals,
-              const Make& make, const Origins& origins = {}) {
+              const Make& make) {
   const py::ssize_t n = stamps.size();
   expect_shape("stamp_ns", stamps, n);
   std::optional<Column<Stamp>> arrival_ns;
@@ -48,12 +42,7 @@ void add_rows(SharedLog& log, const Column<Stamp>& stamps, const std::optional<S
   const py::gil_scoped_release release;
   log.log.add_rows(static_cast<std::size_t>(n), [&](std::size_t row) -> MessageLog::Arrival {
     const Message message = make(static_cast<py::ssize_t>(row));
-    MessageLog::Arrival made{arrival != nullptr ? arrival[row] : effective_stamp(message), message};
-    if (origins.of != nullptr) {
-      made.origin = static_cast<std::size_t>(origins.of[row]);
-      made.again = origins.again[row];
-    }
-    return made;
+    return {arrival != nullptr ? arrival[row] : effective_stamp(message), message};
   });
 }
 
@@ -127,24 +116,25 @@ may replay it at once.
             if (variance) {
               expect_shape("variance", *variance, stamp.size(), 3);
             }
-            Origins origins;
-            if (origin && again) {
+            const bool is_made = origin && again;
+            if (is_made) {
               expect_shape("origin", *origin, stamp.size());
               expect_shape("again", *again, stamp.size());
-              origins = {origin->data(), again->data()};
             }
-            add_rows(
-                log, stamp, arrival,
-                [&, b = begin.data(), t = stamp.data(), u = motion.data(),
-                 s = variance ? variance->data() : nullptr](py::ssize_t i) -> Message {
-                  locfuse::Increment motion_of_row{
-                      b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
-                  if (s != nullptr && !std::isnan(s[3 * i])) {
-                    motion_of_row.variance = Eigen::Map<const locfuse::Vector<3>>(s + 3 * i);
-                  }
-                  return motion_of_row;
-                },
-                origins);
+            add_rows(log, stamp, arrival,
+                     [&, b = begin.data(), t = stamp.data(), u = motion.data(),
+                      s = variance ? variance->data() : nullptr](py::ssize_t i) -> Message {
+                       locfuse::Increment motion_of_row{
+                           b[i], t[i], {u[3 * i], u[3 * i + 1], u[3 * i + 2]}};
+                       if (s != nullptr && !std::isnan(s[3 * i])) {
+                         motion_of_row.variance = Eigen::Map<const locfuse::Vector<3>>(s + 3 * i);
+                       }
+                       if (is_made) {
+                         motion_of_row.origin = static_cast<std::size_t>(origin->data()[i]);
+                         motion_of_row.again = again->data()[i];
+                       }
+                       return motion_of_row;
+                     });
           },
           py::arg("begin_ns"), py::arg("stamp_ns"), py::arg("motion"), no_arrival,
           py::arg("variance") = py::none(), py::arg("origin") = py::none(),

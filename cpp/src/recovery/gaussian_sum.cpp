@@ -22,10 +22,6 @@ struct GaussianSumTuning {
   static constexpr double kSamePlaceDistance = 1.0;
 };
 
-bool is_same(const PoseEstimate& a, const PoseEstimate& b) {
-  return squared_distance(a, b, true) < GaussianSumTuning::kMergeDistance;
-}
-
 /// The moments of weighted estimates. Where headings spread all around their mean is arbitrary, and
 /// the covariance is as wide.
 PoseEstimate combined(const std::vector<std::pair<double, PoseEstimate>>& weighted) {
@@ -65,13 +61,21 @@ GaussianCluster cluster(const std::vector<GaussianComponent>& components,
 
 }  // namespace
 
-double squared_distance(const PoseEstimate& a, const PoseEstimate& b, bool with_heading) {
+bool are_within(double limit, const PoseEstimate& a, const PoseEstimate& b, bool with_heading) {
+  // The distance along one axis is no longer than the whole: mostly it tells, without a solution.
+  constexpr double kRounding = 1.0 + 1e-9;
+  const double x = a.pose.x - b.pose.x;
+  const double y = a.pose.y - b.pose.y;
+  if (x * x > kRounding * limit * (a.covariance(0, 0) + b.covariance(0, 0)) ||
+      y * y > kRounding * limit * (a.covariance(1, 1) + b.covariance(1, 1))) {
+    return false;
+  }
   const Vector<3> apart = local(a.pose, b.pose);
   const Matrix<3, 3> P = a.covariance + b.covariance;
-  if (with_heading) {
-    return apart.dot(P.llt().solve(apart));
-  }
-  return apart.head<2>().dot(P.topLeftCorner<2, 2>().llt().solve(apart.head<2>()));
+  const double distance =
+      with_heading ? apart.dot(P.llt().solve(apart))
+                   : apart.head<2>().dot(P.topLeftCorner<2, 2>().llt().solve(apart.head<2>()));
+  return distance < limit;
 }
 
 double reduce(std::vector<GaussianComponent>& components,
@@ -82,21 +86,25 @@ double reduce(std::vector<GaussianComponent>& components,
             });
   const double best = components.front().log_weight;
   std::vector<GaussianComponent> kept;
+  std::vector<PoseEstimate> places;  // of those kept
   for (GaussianComponent& next : components) {
     next.log_weight -= best;
     if (next.log_weight < GaussianSumTuning::kMinLogWeight) {
       break;
     }
-    const auto twin = std::find_if(kept.begin(), kept.end(), [&](const GaussianComponent& other) {
-      return is_same(other.ekf.current(), next.ekf.current());
+    const PoseEstimate here = next.ekf.current();
+    const auto place = std::find_if(places.begin(), places.end(), [&](const PoseEstimate& there) {
+      return are_within(GaussianSumTuning::kMergeDistance, there, here, true);
     });
-    if (twin == kept.end()) {
+    if (place == places.end()) {
       kept.push_back(std::move(next));
+      places.push_back(here);
     } else {
-      const PoseEstimate both = combined({{std::exp(twin->log_weight), twin->ekf.current()},
-                                          {std::exp(next.log_weight), next.ekf.current()}});
-      twin->ekf = filter_at(both);
-      twin->log_weight = log_sum(twin->log_weight, next.log_weight);
+      GaussianComponent& twin = kept[static_cast<std::size_t>(place - places.begin())];
+      twin.ekf = filter_at(
+          combined({{std::exp(twin.log_weight), *place}, {std::exp(next.log_weight), here}}));
+      twin.log_weight = log_sum(twin.log_weight, next.log_weight);
+      *place = twin.ekf.current();
     }
   }
   components = std::move(kept);
@@ -115,9 +123,9 @@ std::vector<GaussianCluster> clusters(const std::vector<GaussianComponent>& comp
       const PoseEstimate here = components[members[i]].ekf.current();
       const auto is_near = [&](std::size_t k) {
         const PoseEstimate there = components[k].ekf.current();
-        return squared_distance(here, there, by_heading) <
-               (by_heading ? GaussianSumTuning::kLinkedDistance
-                           : GaussianSumTuning::kSamePlaceDistance);
+        return are_within(
+            by_heading ? GaussianSumTuning::kLinkedDistance : GaussianSumTuning::kSamePlaceDistance,
+            here, there, by_heading);
       };
       const auto near = std::stable_partition(left.begin(), left.end(),
                                               [&](std::size_t k) { return !is_near(k); });

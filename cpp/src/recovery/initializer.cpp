@@ -631,8 +631,8 @@ void Initializer::add_constellations() {
              other->landmark, newest->landmark, prototype_.landmark_map(), probability)) {
       const PoseEstimate estimate{sightings_.back().stamp, match.pose, match.covariance};
       const auto tells_it = [&](const Component& known) {
-        return internal::squared_distance(known.ekf.current(), estimate, true) <
-               InitializerTuning::kSamePositionDistance;
+        return internal::are_within(InitializerTuning::kSamePositionDistance, known.ekf.current(),
+                                    estimate, true);
       };
       if (std::any_of(components_.begin(), components_.end(), tells_it) ||
           std::any_of(found.begin(), found.end(), tells_it)) {

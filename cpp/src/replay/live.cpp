@@ -25,10 +25,10 @@ Outcome Live::on(const Message& message) {
   return search_or_track(message);
 }
 
-Outcome Live::search_or_track(const Message& message, std::size_t origin) {
+Outcome Live::search_or_track(const Message& message) {
   const bool is_scan = std::holds_alternative<LaserScan>(message);
   if (timeline_) {
-    return is_scan ? Outcome{Verdict::kIgnored, Reason::kNotUsed} : track(message, origin);
+    return is_scan ? Outcome{Verdict::kIgnored, Reason::kNotUsed} : track(message);
   }
   if (!is_scan && search_.is_late(message)) {
     const bool is_merely_late = options_.timeline.clock_jump == ClockJump::kRefuse ||
@@ -40,7 +40,7 @@ Outcome Live::search_or_track(const Message& message, std::size_t origin) {
     relocalize();
   }
   consecutive_late_ = is_scan ? consecutive_late_ : 0;
-  search_.on(message, origin);
+  search_.on(message);
   check_search();
   return {Verdict::kIgnored, Reason::kNotStarted};
 }
@@ -58,7 +58,7 @@ Outcome Live::on(const std::vector<MadeMotion>& motions) {
   if (!are_made_again(motions)) {
     Outcome outcome;
     for (const MadeMotion& motion : motions) {
-      outcome = search_or_track(motion.increment, motion.origin);
+      outcome = search_or_track(motion.message());
     }
     return outcome;
   }
@@ -81,16 +81,16 @@ void Live::check_search() {
   const std::vector<internal::TimelineEntry> waiting = search_.waiting();  // search_ may change
   for (const internal::TimelineEntry& entry : waiting) {
     try {
-      search_or_track(entry.message, entry.origin);
+      search_or_track(entry.message);
     } catch (const std::invalid_argument&) {
     } catch (const NumericalError&) {
     }
   }
 }
 
-Outcome Live::track(const Message& message, std::size_t origin) {
+Outcome Live::track(const Message& message) {
   return track_by(
-      1, [&](std::size_t index, const auto& sink) { timeline_->on(index, message, origin, sink); });
+      1, [&](std::size_t index, const auto& sink) { timeline_->on(index, message, sink); });
 }
 
 Outcome Live::track(const std::vector<MadeMotion>& motions) {

@@ -24,8 +24,8 @@ void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observe
   arrivals_ += motions.size();
   if (!are_made_again(motions)) {
     for (std::size_t k = 0; k < motions.size(); ++k) {
-      const Increment& moved = motions[k].increment;
-      take({moved.begin, first + k, moved, motions[k].origin}, observer);
+      const Increment moved = motions[k].message();
+      take({moved.begin, first + k, moved}, observer);
     }
     return;
   }
@@ -52,7 +52,7 @@ void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observe
     is_late = outcome.verdict == Verdict::kStale;
   }
   for (std::size_t k = fits ? fused : 0; k < motions.size(); ++k) {
-    const Increment& moved = motions[k].increment;
+    const Increment moved = motions[k].message();
     if (is_late) {
       if (observer.fused) {
         observer.fused(first + k, {Verdict::kStale, Reason::kTooLate});
@@ -66,7 +66,7 @@ void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observe
       }
       waiting_.erase(before);
     }
-    internal::insert_in_order(waiting_, {moved.begin, first + k, moved, motions[k].origin});
+    internal::insert_in_order(waiting_, {moved.begin, first + k, moved});
   }
 }
 
@@ -171,7 +171,7 @@ Outcome LiveMcl::fuse_by(std::size_t index, const Observer& observer, const Call
 
 void LiveMcl::fuse(const Entry& entry, const Observer& observer) {
   const Outcome own = fuse_by(entry.index, observer, [&](auto& timeline, const auto& sink) {
-    timeline.on(entry.index, entry.message, entry.origin, sink);
+    timeline.on(entry.index, entry.message, sink);
   });
   if (const auto* scan = std::get_if<LaserScan>(&entry.message); scan && observer.scanned) {
     observer.scanned(*scan, own);

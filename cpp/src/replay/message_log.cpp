@@ -17,16 +17,16 @@ std::vector<bool> MessageLog::replaced() const {
   std::unordered_set<std::size_t> origins;  // of later ones
   std::vector<bool> found;
   for (std::size_t i = arrivals_.size(); i-- > 0;) {
-    const Arrival& arrival = arrivals_[i];
-    if (arrival.origin == MadeMotion::kNoOrigin) {
+    const auto* motion = std::get_if<Increment>(&arrivals_[i].message);
+    if (motion == nullptr || motion->origin == Increment::kNoOrigin) {
       continue;
     }
-    if (origins.count(arrival.origin) > 0) {
+    if (origins.count(motion->origin) > 0) {
       found.resize(arrivals_.size());
       found[i] = true;
     }
-    if (arrival.again) {
-      origins.insert(arrival.origin);
+    if (motion->again) {
+      origins.insert(motion->origin);
     }
   }
   return found;
@@ -34,18 +34,20 @@ std::vector<bool> MessageLog::replaced() const {
 
 std::vector<MadeMotion> MessageLog::motions_from(std::size_t begin) const {
   std::vector<MadeMotion> motions;
-  const Arrival& first = arrivals_[begin];
   for (std::size_t i = begin; i < arrivals_.size(); ++i) {
-    const Arrival& next = arrivals_[i];
-    const bool belongs = next.origin != MadeMotion::kNoOrigin && next.arrival == first.arrival &&
-                         (i == begin || next.again);
+    const auto* next = std::get_if<Increment>(&arrivals_[i].message);
+    if (next == nullptr || next->origin == Increment::kNoOrigin) {
+      break;
+    }
+    const bool belongs =
+        i == begin || (next->again && arrivals_[i].arrival == arrivals_[begin].arrival);
     const bool is_of_next = std::any_of(motions.begin(), motions.end(), [&](const MadeMotion& m) {
-      return m.origin == next.origin;
+      return m.origin == next->origin;
     });
     if (!belongs || is_of_next) {
       break;
     }
-    motions.push_back({next.origin, next.again, false, std::get<Increment>(next.message)});
+    motions.push_back({next->origin, next->again, false, *next});
   }
   return motions;
 }

@@ -99,15 +99,14 @@ void OdometryTimeline::take_helpers(Stamp until) {
 }
 
 void OdometryTimeline::feed(const Entry& entry) {
-  timeline_.on(entry.index, entry.message, MadeMotion::kNoOrigin,
-               [&](std::size_t index, const Outcome& outcome) {
-                 if (index + 1 == arrivals_) {
-                   outcome_ = outcome;
-                 }
-                 if (outcome.verdict == Verdict::kFused) {
-                   note(index);
-                 }
-               });
+  timeline_.on(entry.index, entry.message, [&](std::size_t index, const Outcome& outcome) {
+    if (index + 1 == arrivals_) {
+      outcome_ = outcome;
+    }
+    if (outcome.verdict == Verdict::kFused) {
+      note(index);
+    }
+  });
 }
 
 /// Notes the motion that the odometer has just made, unless it is what it was. One that it makes no

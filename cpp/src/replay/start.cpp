@@ -19,9 +19,9 @@ StartSearch::StartSearch(Initializer initializer, Stamp patience)
   }
 }
 
-void StartSearch::on(const Message& message, std::size_t origin) {
+void StartSearch::on(const Message& message) {
   validate_in_space(message);
-  wait({effective_stamp(message), arrivals_++, message, origin});
+  wait({effective_stamp(message), arrivals_++, message});
 }
 
 void StartSearch::on(const std::vector<MadeMotion>& motions) {
@@ -38,7 +38,7 @@ void StartSearch::on(const std::vector<MadeMotion>& motions) {
     }
   }
   for (const MadeMotion& motion : motions) {
-    on(motion.increment, motion.origin);
+    on(motion.message());
   }
 }
 

@@ -199,7 +199,7 @@ TEST_P(LateParts, a_log_of_what_is_made_is_replayed_to_the_same_bits) {
       ++arrival;
       if constexpr (std::is_same_v<std::decay_t<decltype(what)>, std::vector<MadeMotion>>) {
         log.add_rows(what.size(), [&](std::size_t i) {
-          return MessageLog::Arrival{arrival, what[i].increment, what[i].origin, what[i].again};
+          return MessageLog::Arrival{arrival, what[i].message()};
         });
       } else {
         log.add(what, arrival);

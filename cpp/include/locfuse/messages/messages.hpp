@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -36,6 +37,11 @@ struct Increment {
   /// Of dx, dy [m^2] and dheading [rad^2], as white noise from one to the next; else that of the
   /// model, by distance and turn.
   std::optional<Vector<3>> variance = {};
+
+  static constexpr std::size_t kNoOrigin = std::numeric_limits<std::size_t>::max();
+  /// Of a motion that an OdometryTimeline made: MadeMotion.
+  std::size_t origin = kNoOrigin;
+  bool again = false;
 
   /// Motion of `trans` [m] along the old heading, then a turn by `rot` [rad]: ekim2020 eq. (6).
   [[nodiscard]] static Increment from_drive_then_turn(Stamp begin, Stamp stamp, double trans,

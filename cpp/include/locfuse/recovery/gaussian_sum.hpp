@@ -31,9 +31,10 @@ struct GaussianCluster {
   double log_weight;
 };
 
-/// Squared Mahalanobis distance of two estimates, of the whole pose or of the position alone.
-[[nodiscard]] double squared_distance(const PoseEstimate& a, const PoseEstimate& b,
-                                      bool with_heading);
+/// Whether the squared Mahalanobis distance of two estimates is below a limit: that of the whole
+/// pose, or of the position alone.
+[[nodiscard]] bool are_within(double limit, const PoseEstimate& a, const PoseEstimate& b,
+                              bool with_heading);
 
 /// Sorts the components by weight, scales the weights so that the largest is 1, drops those that
 /// are negligible, and merges those that are nearly the same: `filter_at` makes the filter of a

@@ -27,7 +27,6 @@ struct TimelineEntry {
   Stamp stamp;        ///< at which it takes effect [ns]
   std::size_t index;  ///< order of arrival
   Message message;
-  std::size_t origin = MadeMotion::kNoOrigin;  ///< of a motion that was made
 };
 
 /// Inserts a message into those that wait for their turn, in the order of `precedes`.
@@ -42,7 +41,7 @@ inline void insert_in_order(std::vector<TimelineEntry>& waiting, TimelineEntry e
 /// Where a motion waits for its turn.
 inline auto find_origin(std::vector<TimelineEntry>& waiting, std::size_t origin) {
   return std::find_if(waiting.begin(), waiting.end(),
-                      [&](const TimelineEntry& e) { return e.origin == origin; });
+                      [&](const TimelineEntry& e) { return origin_of(e.message) == origin; });
 }
 
 /// Detects a clock that went back, by consecutive stale messages, or far ahead.

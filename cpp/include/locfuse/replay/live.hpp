@@ -62,8 +62,8 @@ class Live {
   [[nodiscard]] std::size_t dropped_messages() const;
 
  private:
-  Outcome search_or_track(const Message& message, std::size_t origin = MadeMotion::kNoOrigin);
-  Outcome track(const Message& message, std::size_t origin);
+  Outcome search_or_track(const Message& message);
+  Outcome track(const Message& message);
   Outcome track(const std::vector<MadeMotion>& motions);
   template <class Call>
   Outcome track_by(std::size_t messages, const Call& call);

@@ -4,22 +4,34 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <variant>
 #include <vector>
 
-#include "locfuse/messages/messages.hpp"
+#include "locfuse/messages/message.hpp"
 
 namespace locfuse {
 
 /// A motion that an OdometryTimeline makes when a message ends it.
 struct MadeMotion {
-  /// Of a message that nothing was made of.
-  static constexpr std::size_t kNoOrigin = std::numeric_limits<std::size_t>::max();
-
-  std::size_t origin = kNoOrigin;  ///< number of that message, in order of arrival
-  bool again = false;              ///< in place of the motion of that origin, after a late message
-  bool slipped = false;            ///< gyro and wheels contradict each other
+  std::size_t origin = Increment::kNoOrigin;  ///< number of that message, in order of arrival
+  bool again = false;    ///< in place of the motion of that origin, after a late message
+  bool slipped = false;  ///< gyro and wheels contradict each other
   Increment increment;
+
+  /// The motion with its origin, as estimators take it.
+  [[nodiscard]] Increment message() const {
+    Increment numbered = increment;
+    numbered.origin = origin;
+    numbered.again = again;
+    return numbered;
+  }
 };
+
+/// The origin of a motion that was made; of all else Increment::kNoOrigin.
+[[nodiscard]] inline std::size_t origin_of(const Message& message) {
+  const auto* motion = std::get_if<Increment>(&message);
+  return motion != nullptr ? motion->origin : Increment::kNoOrigin;
+}
 
 /// Whether motions that were made again cover those before: `find(origin)` gives the former motion,
 /// or null. An estimator may have missed what made them shorter before; then it keeps what it has.

@@ -107,8 +107,9 @@ class MessageHistory {
 
   /// The motion of an origin, or null.
   [[nodiscard]] const Increment* find(std::size_t origin) const {
-    const auto found = std::find_if(entries_.rbegin(), entries_.rend(),
-                                    [&](const TimelineEntry& e) { return e.origin == origin; });
+    const auto found =
+        std::find_if(entries_.rbegin(), entries_.rend(),
+                     [&](const TimelineEntry& e) { return origin_of(e.message) == origin; });
     return found == entries_.rend() ? nullptr : &std::get<Increment>(found->message);
   }
 
@@ -119,7 +120,7 @@ class MessageHistory {
     std::vector<TimelineEntry> before;
     std::size_t first = entries_.size();
     for (const TimelineEntry& motion : motions) {
-      const std::size_t place = remove_origin(motion.origin, &before);
+      const std::size_t place = remove_origin(origin_of(motion.message), &before);
       first = std::min({first, place, insert_in_place(motion)});
     }
     for (const TimelineEntry& entry : before) {
@@ -134,7 +135,7 @@ class MessageHistory {
       fuse_again(first, estimator, sink);
     } catch (...) {
       for (const TimelineEntry& motion : motions) {
-        remove_origin(motion.origin, nullptr);
+        remove_origin(origin_of(motion.message), nullptr);
       }
       for (const TimelineEntry& entry : before) {
         insert_in_place(entry);
@@ -216,8 +217,9 @@ class MessageHistory {
 
   /// Removes the motion of an origin, which is near the end; returns where it was.
   std::size_t remove_origin(std::size_t origin, std::vector<TimelineEntry>* removed) {
-    const auto behind = std::find_if(entries_.rbegin(), entries_.rend(),
-                                     [&](const TimelineEntry& e) { return e.origin == origin; });
+    const auto behind =
+        std::find_if(entries_.rbegin(), entries_.rend(),
+                     [&](const TimelineEntry& e) { return origin_of(e.message) == origin; });
     if (behind == entries_.rend()) {
       return entries_.size();
     }

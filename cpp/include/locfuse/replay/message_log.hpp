@@ -17,8 +17,6 @@ class MessageLog {
   struct Arrival {
     Stamp arrival;  ///< when the estimator receives it [ns]
     Message message;
-    std::size_t origin = MadeMotion::kNoOrigin;  ///< as of MadeMotion
-    bool again = false;                          ///< in place of an earlier one of that origin
   };
 
   /// Adds a message that arrives when it takes effect. Throws std::invalid_argument if not valid.

@@ -244,7 +244,7 @@ void take_together(const std::vector<MessageLog::Arrival>& arrivals, std::size_t
   const Stamp effective = effective_stamp(first.message);
   together.assign(1, begin);
   for (std::size_t i = begin + 1; i < arrivals.size() && arrivals[i].arrival == first.arrival &&
-                                  arrivals[i].origin == MadeMotion::kNoOrigin &&
+                                  origin_of(arrivals[i].message) == Increment::kNoOrigin &&
                                   effective_stamp(arrivals[i].message) == effective;
        ++i) {
     together.push_back(i);
@@ -280,7 +280,7 @@ template <class Estimator>
   std::vector<std::size_t> together;
   internal::UsedMotions used(options.used_until);
   for (std::size_t begin = 0, done = 0; begin < arrivals.size(); begin = done) {
-    const bool is_made = arrivals[begin].origin != MadeMotion::kNoOrigin;
+    const bool is_made = origin_of(arrivals[begin].message) != Increment::kNoOrigin;
     std::vector<MadeMotion> made;
     if (is_made) {
       made = log.motions_from(begin);

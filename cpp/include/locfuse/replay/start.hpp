@@ -25,8 +25,8 @@ class StartSearch {
   explicit StartSearch(Initializer initializer, Stamp patience = kPatience);
 
   /// Throws std::invalid_argument for a message that is not valid. Late messages are skipped; once
-  /// it is ready, messages only wait. `origin` as of MadeMotion.
-  void on(const Message& message, std::size_t origin = MadeMotion::kNoOrigin);
+  /// it is ready, messages only wait.
+  void on(const Message& message);
   /// The same of the motions that one message changed, of an OdometryTimeline. Where one that was
   /// there before does not wait any more, all are skipped.
   void on(const std::vector<MadeMotion>& motions);

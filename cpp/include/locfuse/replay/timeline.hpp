@@ -143,23 +143,23 @@ class Timeline {
     on(first, motions, sink);
   }
 
-  /// The same of messages that the caller has counted, from `index` on; `origin` as of MadeMotion.
+  /// The same of messages that the caller has counted, from `index` on.
   template <class Sink>
-  void on(std::size_t index, const Message& message, std::size_t origin, Sink&& sink) {
-    take(entry_of(index, message, origin), sink, false);
+  void on(std::size_t index, const Message& message, Sink&& sink) {
+    take(entry_of(index, message), sink, false);
   }
   template <class Sink>
   void on(std::size_t index, const std::vector<MadeMotion>& motions, Sink&& sink) {
     if (!are_made_again(motions)) {
       for (const MadeMotion& motion : motions) {
-        take(entry_of(index++, motion.increment, motion.origin), sink, false);
+        take(entry_of(index++, motion.message()), sink, false);
       }
       return;
     }
     std::vector<Entry> entries;
     bool is_late = false;
     for (const MadeMotion& motion : motions) {
-      entries.push_back(entry_of(index++, motion.increment, motion.origin));
+      entries.push_back(entry_of(index++, motion.message()));
       is_late = is_late || history_.is_stale(entries.back().stamp);
     }
     is_late = is_late || !covers_those_before(
@@ -204,9 +204,8 @@ class Timeline {
   using Entry = internal::TimelineEntry;
   using History = internal::MessageHistory<Estimator>;
 
-  [[nodiscard]] static Entry entry_of(std::size_t index, const Message& message,
-                                      std::size_t origin = MadeMotion::kNoOrigin) {
-    return {internal::order_stamp<Estimator>(message), index, message, origin};
+  [[nodiscard]] static Entry entry_of(std::size_t index, const Message& message) {
+    return {internal::order_stamp<Estimator>(message), index, message};
   }
 
   template <class Sink>
