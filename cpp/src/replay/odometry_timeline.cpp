@@ -8,8 +8,9 @@
 namespace locfuse {
 namespace {
 
-constexpr std::size_t kMinForgotten = 256;        // motions that are forgotten at a time
-constexpr std::size_t kMaxWaiting = 10'000;       // of what only helps
+constexpr std::size_t kMinForgotten = 256;   // motions that are forgotten at a time
+constexpr std::size_t kMaxWaiting = 10'000;  // of what only helps
+constexpr Stamp kFarAhead = internal::ClockJumpDetector::kFarAhead;
 constexpr Stamp kMaxSampleAhead = 2'000'000'000;  // of the newest motion [ns]
 
 TimelineOptions anew_after_a_jump(TimelineOptions options) {
@@ -37,7 +38,7 @@ const std::vector<MadeMotion>& OdometryTimeline::on(const Message& message) {
   const Stamp newest = timeline_.newest();
   const bool is_first = newest == std::numeric_limits<Stamp>::min();
   if (timeline_.estimator().leads(message)) {
-    if (is_first || entry.stamp <= newest + internal::ClockJumpDetector::kFarAhead) {
+    if (is_first || entry.stamp <= newest + kFarAhead || do_wheels_reach(entry.stamp)) {
       take_helpers(entry.stamp);
     }
     feed(entry);
@@ -73,8 +74,18 @@ void OdometryTimeline::help(const Entry& entry) {
   }
 }
 
-/// Gives those that wait their turn, up to a stamp; those from long before it are of another clock.
+/// Whether wheels that wait have come as far as a scan: then nobody's clock is wrong.
+bool OdometryTimeline::do_wheels_reach(Stamp stamp) const {
+  return std::any_of(wheels_.rbegin(), wheels_.rend(), [&](const Entry& e) {
+    return e.stamp <= stamp && e.stamp >= stamp - kFarAhead;
+  });
+}
+
+/// Gives those that wait their turn, up to a stamp; those from long before are of another clock.
 void OdometryTimeline::take_helpers(Stamp until) {
+  const Stamp newest = timeline_.newest();
+  const Stamp oldest =
+      newest == std::numeric_limits<Stamp>::min() ? until - kFarAhead : newest - history_;
   const auto end_of = [&](const std::vector<Entry>& waiting) {
     return std::find_if(waiting.begin(), waiting.end(),
                         [&](const Entry& e) { return e.stamp > until; });
@@ -86,7 +97,7 @@ void OdometryTimeline::take_helpers(Stamp until) {
   while (sample != samples || wheel != wheels) {
     const bool is_sample = wheel == wheels || (sample != samples && sample->stamp <= wheel->stamp);
     const Entry& next = is_sample ? *sample++ : *wheel++;
-    if (next.stamp < until - internal::ClockJumpDetector::kFarAhead) {
+    if (next.stamp < oldest) {
       continue;
     }
     try {

@@ -301,6 +301,45 @@ TEST(OdometryTimeline, a_pause_of_wheels_ends_with_the_second_message_though_the
   EXPECT_EQ(odometry.on(wheels_at(9 * kSecond + kTick)).size(), 2U);
 }
 
+TEST(OdometryTimeline, wheels_bridge_a_pause_of_the_laser) {
+  const Parts parts{Wheels::kIncrements, false, true};
+  const Drive run = drive(parts);
+  TimelineOptions options;
+  options.clock_jump = ClockJump::kReset;
+  OdometryTimeline odometry = timeline_of(parts, options);
+  const Stamp pause_begin = kSecond;
+  for (const Stamp pause : {8 * kSecond, 30 * kSecond}) {
+    OdometryTimeline other = odometry;
+    Pose2 sum;
+    std::size_t made = 0;
+    const auto take = [&](const Message& message) {
+      for (const MadeMotion& motion : other.on(message)) {
+        sum = sum * motion.increment.motion;
+        ++made;
+      }
+    };
+    std::size_t scans = 0;
+    bool has_paused = false;
+    for (const Message& message : run.messages) {
+      const bool is_scan = std::holds_alternative<LaserScan>(message);
+      if (std::holds_alternative<Range>(message)) {
+        continue;
+      }
+      if (stamp_of(message) > pause_begin && !has_paused) {  // stands still, at 50 Hz
+        for (Stamp at = stamp_of(message); at < stamp_of(message) + pause; at += kTick) {
+          take(Increment{at - kTick, at, {}, {}});
+        }
+        has_paused = true;
+      }
+      scans += is_scan ? 1 : 0;
+      take(has_paused ? earlier(message, -pause) : message);
+    }
+    EXPECT_EQ(made + 1, scans) << pause;
+    EXPECT_NEAR(sum.heading, 0.01 * (kTicks - 5), 0.02);
+    EXPECT_NEAR(sum.position().norm(), 2.0 * std::sin(0.005 * (kTicks - 5)), 0.05);
+  }
+}
+
 TEST(OdometryTimeline, says_a_motion_once_where_those_held_come_in_the_wrong_order) {
   OdometryTimeline odometry = timeline_of(kGyro);
   odometry.on(Velocity{0, 0.5, 0.0});
@@ -451,12 +490,15 @@ TEST(Timeline, what_cannot_be_made_again_leaves_what_was) {
 TEST(Replay, a_motion_used_for_the_start_is_made_again_as_one_of_its_own) {
   MessageLog log;
   const auto row = [](std::size_t origin, Stamp begin, Stamp end, bool again) {
-    return MessageLog::Arrival{0, Increment{begin, end, {1e-9 * double(end - begin), 0.0, 0.0}, {}},
-                               origin, again};
+    const Increment moved{begin, end, {1e-9 * double(end - begin), 0.0, 0.0}, {}};
+    return MessageLog::Arrival{0, MadeMotion{origin, again, false, moved}.message()};
   };
-  const std::vector<MessageLog::Arrival> rows{
-      row(1, 0, 2 * kSecond, false), row(2, 2 * kSecond, 3 * kSecond, false),
-      row(3, 0, kSecond, false), row(1, kSecond, 2 * kSecond, true)};
+  const std::vector<MessageLog::Arrival> rows{row(1, 0, 2 * kSecond, false),
+                                              row(2, 2 * kSecond, 3 * kSecond, false),
+                                              row(3, 0, kSecond, false),
+                                              row(1, kSecond, 2 * kSecond, true),
+                                              row(4, kSecond, kSecond + kSecond / 2, false),
+                                              row(1, kSecond + kSecond / 2, 2 * kSecond, true)};
   log.add_rows(rows.size(), [&](std::size_t i) { return rows[i]; });
   ReplayOptions options;
   options.used_until = kSecond / 2;

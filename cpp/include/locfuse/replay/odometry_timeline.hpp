@@ -37,6 +37,7 @@ class OdometryTimeline {
   using Entry = internal::TimelineEntry;
 
   void help(const Entry& entry);
+  [[nodiscard]] bool do_wheels_reach(Stamp stamp) const;
   void take_helpers(Stamp until);
   void feed(const Entry& entry);
   void note(std::size_t origin);
