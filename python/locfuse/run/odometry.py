@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from locfuse.run.messages import add_odometry, undelayed
 from locfuse.run.missing_inputs import how_to_add
 from locfuse.run.start import scans_of
 from locfuse.types import NANOSECONDS, Columns, Log, LogError
+
+_logger = logging.getLogger(__name__)
 
 
 def uses_gyro(config: RunConfig) -> bool:
@@ -73,6 +76,9 @@ def with_odometry(log: Log, config: RunConfig, *, gyro: bool = True) -> Log:
         raise
     except ValueError as problem:
         raise LogError(f"odometry of wheels, gyro or scans: {problem}") from problem
+    if gyro and len(made) > 0 and np.isfinite(made.variance).mean() < 0.05:
+        _logger.warning("hardly a motion of odometry has samples of imu near it; do their stamps "
+                        "count from the same origin?")  # fmt: skip
     is_timed = gyro or "arrival_ns" in log["scans"]
     if len(made) > 0:
         odometry = _table_of(made, is_timed)

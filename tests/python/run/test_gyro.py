@@ -186,3 +186,18 @@ def test_late_samples_give_the_bits_of_the_sorted_log(output: str) -> None:
     assert expected.heading is not None
     assert found.heading[-1] == expected.heading[-1]
     assert_same(config, late)
+
+
+@pytest.mark.parametrize("ahead_s", [-6.0, 4.0, 3600.0])
+def test_a_gyro_with_another_clock_is_left_out_with_a_word(
+    ahead_s: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    config, log = driven(slips=False)
+    imu = {**log["imu"], "stamp_ns": log["imu"]["stamp_ns"] + round(ahead_s * 1e9)}
+    ahead = replace(
+        log, tables={**log.tables, "imu": {**imu, "arrival_ns": log["imu"]["stamp_ns"]}}
+    )
+    result = run(config, ahead)
+    assert "hardly a motion of odometry has samples of imu near it" in caplog.text
+    assert result.metrics["counts"]["odometry"]["fused"] >= len(log["odometry"]["stamp_ns"]) - 1
+    assert result.metrics["position_rmse_m"] < 0.3
