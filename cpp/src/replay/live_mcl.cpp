@@ -29,10 +29,7 @@ void LiveMcl::on(const std::vector<MadeMotion>& motions, const Observer& observe
     }
     return;
   }
-  const auto waits = [&](std::size_t origin) -> const Increment* {
-    const auto found = internal::find_origin(waiting_, origin);
-    return found == waiting_.end() ? nullptr : &std::get<Increment>(found->message);
-  };
+  const auto waits = [&](std::size_t origin) { return internal::motion_of(waiting_, origin); };
   const bool fits = covers_those_before(motions, [&](std::size_t origin) {
     const Increment* waiting = waits(origin);
     return waiting != nullptr ? waiting : find_fused(origin);

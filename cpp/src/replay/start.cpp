@@ -25,10 +25,8 @@ void StartSearch::on(const Message& message) {
 }
 
 void StartSearch::on(const std::vector<MadeMotion>& motions) {
-  const bool all_wait = covers_those_before(motions, [&](std::size_t origin) -> const Increment* {
-    const auto found = internal::find_origin(waiting_, origin);
-    return found == waiting_.end() ? nullptr : &std::get<Increment>(found->message);
-  });
+  const bool all_wait = covers_those_before(
+      motions, [&](std::size_t origin) { return internal::motion_of(waiting_, origin); });
   if (!all_wait) {
     return;
   }

@@ -53,8 +53,6 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     """
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
         source: undelayed(source, log[source], config.latency_of_tables_s[source])
-        if "origin" not in log[source]
-        else log[source]
         for source in SOURCES
         if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }
@@ -139,9 +137,12 @@ def cut_off(
 
 
 def undelayed(source: str, table: Columns, delay_s: float) -> Columns:
-    """Return a table at the stamps at which it was taken; it arrives when it did."""
+    """Return a table at the stamps at which it was taken; it arrives when it did.
+
+    Odometry that was made is at those already.
+    """
     delay = round(delay_s * NANOSECONDS)
-    if delay == 0:
+    if delay == 0 or "origin" in table:
         return table
     effective = _effective(source, table)
     begins = {"begin_ns": effective - delay} if "begin_ns" in table else {}

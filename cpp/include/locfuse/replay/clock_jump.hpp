@@ -5,7 +5,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "locfuse/messages/message.hpp"
@@ -38,10 +40,19 @@ inline void insert_in_order(std::vector<TimelineEntry>& waiting, TimelineEntry e
   waiting.insert(place, std::move(entry));
 }
 
-/// Where a motion waits for its turn.
-inline auto find_origin(std::vector<TimelineEntry>& waiting, std::size_t origin) {
-  return std::find_if(waiting.begin(), waiting.end(),
-                      [&](const TimelineEntry& e) { return origin_of(e.message) == origin; });
+/// Where the motion of an origin is, which is near the end; the end if there is none.
+template <class Entries>
+auto find_origin(Entries& entries, std::size_t origin) {
+  const auto behind = std::find_if(entries.rbegin(), entries.rend(), [&](const TimelineEntry& e) {
+    return origin_of(e.message) == origin;
+  });
+  return behind == entries.rend() ? entries.end() : std::prev(behind.base());
+}
+
+/// The motion of an origin, or null.
+inline const Increment* motion_of(const std::vector<TimelineEntry>& entries, std::size_t origin) {
+  const auto found = find_origin(entries, origin);
+  return found == entries.end() ? nullptr : &std::get<Increment>(found->message);
 }
 
 /// Detects a clock that went back, by consecutive stale messages, or far ahead.

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <iterator>
 #include <limits>
 #include <optional>
 #include <type_traits>
@@ -107,10 +106,7 @@ class MessageHistory {
 
   /// The motion of an origin, or null.
   [[nodiscard]] const Increment* find(std::size_t origin) const {
-    const auto found =
-        std::find_if(entries_.rbegin(), entries_.rend(),
-                     [&](const TimelineEntry& e) { return origin_of(e.message) == origin; });
-    return found == entries_.rend() ? nullptr : &std::get<Increment>(found->message);
+    return motion_of(entries_, origin);
   }
 
   /// Fuses motions in place of those of the same origins, which the sink receives as kReplaced.
@@ -215,15 +211,12 @@ class MessageHistory {
     }
   }
 
-  /// Removes the motion of an origin, which is near the end; returns where it was.
+  /// Removes the motion of an origin; returns where it was.
   std::size_t remove_origin(std::size_t origin, std::vector<TimelineEntry>* removed) {
-    const auto behind =
-        std::find_if(entries_.rbegin(), entries_.rend(),
-                     [&](const TimelineEntry& e) { return origin_of(e.message) == origin; });
-    if (behind == entries_.rend()) {
+    const auto found = find_origin(entries_, origin);
+    if (found == entries_.end()) {
       return entries_.size();
     }
-    const auto found = std::prev(behind.base());
     const auto place = static_cast<std::size_t>(found - entries_.begin());
     if (removed != nullptr) {
       removed->push_back(std::move(*found));

@@ -280,10 +280,9 @@ template <class Estimator>
   std::vector<std::size_t> together;
   internal::UsedMotions used(options.used_until);
   for (std::size_t begin = 0, done = 0; begin < arrivals.size(); begin = done) {
-    const bool is_made = origin_of(arrivals[begin].message) != Increment::kNoOrigin;
-    std::vector<MadeMotion> made;
+    std::vector<MadeMotion> made = log.motions_from(begin);
+    const bool is_made = !made.empty();
     if (is_made) {
-      made = log.motions_from(begin);
       together.resize(made.size());
       std::iota(together.begin(), together.end(), begin);
     } else {
