@@ -284,16 +284,19 @@ class Log:
     tables : mapping of file stem to columns
         Stems and column names are those of the log folder (docs/log_format.md), as ``odometry``,
         ``ranges`` or ``truth``. ``stamp_s`` is held as ``stamp_ns`` (int64), as are ``arrival_s``,
-        ``begin_s`` and ``end_s``; names (tag, anchor, landmark) are arrays of
+        ``begin_s`` and ``end_s``; names (tag, anchor, landmark, laser) are arrays of
         str; the beams of ``scans`` are one column ``ranges_m`` of shape (n, beams), NaN where there
         was no return, and perhaps ``intensities`` of the same shape, NaN where none is known;
         where scans differ, ``beams`` of a row count, and its ``angle_min_rad`` and
-        ``angle_increment_rad``; everything else is float64. Absent files are absent keys.
+        ``angle_increment_rad``; of several lasers ``laser`` has the name; everything else is
+        float64. Absent files are absent keys.
     tags : mapping of tag name to (x, y, z)
         Tag positions in the body frame, metres.
     laser : mapping or None
         ``pose_in_body`` [x_m, y_m, heading_rad], ``angle_min_rad``, ``angle_increment_rad``,
-        ``range_min_m``, ``range_max_m``.
+        ``range_min_m``, ``range_max_m``. None where there are several.
+    lasers : mapping of name to such a mapping
+        Several of them, whose names are in the column ``laser`` of ``scans``; else empty.
     landmark_sensor : mapping or None
         ``pose_in_body`` [x_m, y_m, heading_rad]: from where landmarks are sighted; None is the
         body's origin, looking forward.
@@ -314,22 +317,30 @@ class Log:
     licence: str = ""
     landmark_sensor: Mapping[str, Any] | None = None
     origin: str = field(default="folder", compare=False)
+    lasers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __contains__(self, stem: str) -> bool:
         return stem in self.tables
 
-    def scan_geometry(self, row: int) -> tuple[Mapping[str, Any], int]:
-        """Return `laser` as it was for a row of ``scans``, and how many beams that has.
+    @property
+    def has_laser(self) -> bool:
+        """Whether a laser is known, or several."""
+        return self.laser is not None or bool(self.lasers)
 
-        Raises LogError where the log has no laser.
+    def scan_geometry(self, row: int) -> tuple[Mapping[str, Any], int]:
+        """Return the laser as it was for a row of ``scans``, and how many beams that has.
+
+        Raises LogError where the log has no laser, or none of that name.
         """
-        if self.laser is None:
-            raise LogError("the log has scans, but nothing is known of the laser")
         scans = self.tables["scans"]
+        laser = self.lasers.get(str(scans["laser"][row])) if "laser" in scans else self.laser
+        if laser is None:
+            named = f" {str(scans['laser'][row])!r}" if "laser" in scans else ""
+            raise LogError(f"the log has scans, but nothing is known of the laser{named}")
         if "beams" not in scans:
-            return self.laser, scans["ranges_m"].shape[1]
+            return laser, scans["ranges_m"].shape[1]
         own = {key: float(scans[key][row]) for key in ("angle_min_rad", "angle_increment_rad")}
-        return {**self.laser, **own}, int(scans["beams"][row])
+        return {**laser, **own}, int(scans["beams"][row])
 
     def __getitem__(self, stem: str) -> Columns:
         return self.tables[stem]

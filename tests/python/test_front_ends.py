@@ -39,6 +39,16 @@ FLOOR: Mapping[str, Any] = {
     "poses": None,
     "ranges": None,
 }
+TWO_LASERS: Mapping[str, Any] = {
+    **FLOOR,
+    "laser": None,
+    "lasers": {
+        "front": {"pose_in_body": [0.2, 0, 0], "field_of_view_deg": 180, "beams": 181,
+                  "range_max_m": 8.0},
+        "rear": {"pose_in_body": [-0.2, 0.1, 175], "field_of_view_deg": 190, "beams": 120,
+                 "range_max_m": 6.0, "mounting": "upside_down"},
+    },
+}  # fmt: skip
 ANCHORS = {"A": [0, 0, 2], "B": [9, 0, 2], "C": [0, 8, 2], "D": [9, 8, 2]}
 PARTICLES: Mapping[str, Mapping[str, Any]] = {
     **{f"proposal {name}": {"mcl": {"proposal": name, "max_particles": 1000}}
@@ -46,6 +56,8 @@ PARTICLES: Mapping[str, Mapping[str, Any]] = {
     "beams": {"mcl": {"likelihood": "beams", "max_particles": 1000}},
     "poses": {"mcl": {"poses_hz": 2.0, "max_particles": 1000}},
     "scan_odometry": {"scan_odometry": {}},
+    "two lasers": {"mcl": {"max_particles": 1000}, "simulation": TWO_LASERS},
+    "two lasers, scan_odometry": {"scan_odometry": {}, "simulation": TWO_LASERS},
     "switch": {"mcl": {"switch": {}, "max_particles": 1000},
                "simulation": {**FLOOR, "anchors": ANCHORS, "ranges": {"rate_hz": 5}}},
 }  # fmt: skip
@@ -98,14 +110,29 @@ def driven(case: str) -> tuple[RunConfig, Log]:
     given = {"start": start, "simulation": None, "ros": ros}
     if case in WITHOUT_SCANS:
         return made.model_copy(update=given), log
-    assert log.laser is not None
-    ranges = decimals(log["scans"]["ranges_m"].astype(np.float32).ravel())
-    ranges[ranges > 0.99 * log.laser["range_max_m"]] = np.nan  # which of a topic are no returns
-    scans = {**log["scans"], "ranges_m": ranges.reshape(log["scans"]["ranges_m"].shape)}
-    laser = {key: value if key == "pose_in_body" else decimal(value)
-             for key, value in log.laser.items()}  # fmt: skip
-    tables = {**log.tables, "scans": scans}
-    return made.model_copy(update=given), replace(log, tables=tables, laser=laser)
+    return made.model_copy(update=given), of_topics(log)
+
+
+def of_topics(log: Log) -> Log:
+    """Return a log with scans as they come out of a topic."""
+    scans = log["scans"]
+    reach = np.array([log.scan_geometry(row)[0]["range_max_m"]
+                      for row in range(len(scans["stamp_ns"]))])  # fmt: skip
+    ranges = decimals(scans["ranges_m"].astype(np.float32).ravel()).reshape(
+        -1, scans["ranges_m"].shape[1]
+    )
+    ranges[ranges > 0.99 * reach[:, None]] = np.nan  # which of a topic are no returns
+    angles = {key: np.array([decimal(value) for value in scans[key]])
+              for key in ("angle_min_rad", "angle_increment_rad") if key in scans}  # fmt: skip
+    tables = {**log.tables, "scans": {**scans, **angles, "ranges_m": ranges}}
+    lasers = {name: single(laser) for name, laser in log.lasers.items()}
+    return replace(log, tables=tables, laser=log.laser and single(log.laser), lasers=lasers)
+
+
+def single(laser: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a geometry in single precision, but for the mount."""
+    return {key: value if key == "pose_in_body" else decimal(value)
+            for key, value in laser.items()}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -183,7 +210,7 @@ def setting(case: str, config: RunConfig) -> object:
     """Return what a configuration says of the front end of a case; None without it."""
     if case.startswith("cylinders"):
         return config.cylinders and config.cylinders.method
-    if case == "scan_odometry":
+    if case.endswith("scan_odometry"):
         return config.scan_odometry and "scan_odometry"
     mcl = config.mcl
     if mcl is None or (case == "switch" and mcl.switch is None):

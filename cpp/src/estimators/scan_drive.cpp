@@ -64,19 +64,33 @@ std::optional<Increment> ScanDrive::on(const LaserScan& scan) {
     moved_ = {};
     return std::nullopt;
   }
-  if (scan.stamp <= *at_) {
+  if (odometry_.is_late(scan)) {
+    return std::nullopt;
+  }
+  if (scan.stamp == *at_) {
+    correct(scan);
     return std::nullopt;
   }
   const double seconds = seconds_between(*at_, scan.stamp);
   const bool has_wheels = wheels_ && scan.stamp <= *wheels_ + ScanDriveTuning::kHold;
   const Guess guess = has_wheels ? by_wheels(scan.stamp, seconds) : by_scans(seconds);
   const ScanMotion fitted = odometry_.on(scan, guess.motion, guess.covariance);
-  const Increment found{*at_, scan.stamp, fitted.increment.motion};
+  Increment found{*at_, scan.stamp, fitted.increment.motion};
+  if (correction_) {
+    found.motion = *correction_ * found.motion;
+    correction_.reset();
+  }
   at_ = scan.stamp;
   if (fitted.match.converged) {
     follow(found.motion, seconds);
   }
   return found;
+}
+
+/// Takes a scan of the last stamp by another laser, from where the last one left the body.
+void ScanDrive::correct(const LaserScan& scan) {
+  const Pose2 motion = odometry_.on(scan, {}, Matrix<3, 3>::Zero()).increment.motion;
+  correction_ = correction_.value_or(Pose2{}) * motion;
 }
 
 /// Measures the velocity over a while: scans may come at once, and each is off a little.

@@ -209,8 +209,10 @@ bool Mcl::advance_unless_stale(Stamp stamp) {
 void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until,
                 const std::optional<Vector<3>>& variance) {
   filter_.add_motion(model, motion, until, variance);
-  tracking_.travelled += motion.position().norm();
-  tracking_.turned += std::abs(motion.heading);
+  tracking_.since_scan.for_each([&](Way& way) {
+    way.travelled += motion.position().norm();
+    way.turned += std::abs(motion.heading);
+  });
   health_.add_motion(motion);
   if (filter_.is_propagation_due()) {
     propagate_particles();
@@ -286,8 +288,9 @@ Outcome Mcl::take(const LaserScan& z) {
   const std::optional<LaserScan> uncovered = internal::MclHealth::without_cover(z, before);
   const LaserScan& scan = uncovered ? *uncovered : z;
   const EndPoints points = recipe_->fields.front().end_points(scan, recipe_->config.beams);
-  if (const Outcome refused = verdict_on(points, before); refused.verdict != Verdict::kFused) {
-    health_.report_scan(before);
+  if (const Outcome refused = verdict_on(scan, points, before);
+      refused.verdict != Verdict::kFused) {
+    health_.report_scan(z, before);
     return refused;
   }
   const std::optional<LaserScan> rest = propagate_particles(scan);
@@ -299,10 +302,12 @@ Outcome Mcl::take(const LaserScan& z) {
   return {Verdict::kFused};
 }
 
-/// Whether the robot has moved far enough for a scan to be new information.
-bool Mcl::has_moved() const {
-  return !tracking_.has_scan || tracking_.travelled >= recipe_->config.spacing_m ||
-         tracking_.turned >= recipe_->config.spacing_heading_rad;
+/// Whether the robot has moved far enough for a scan to be new information beside the last one of
+/// the same laser; others look elsewhere.
+bool Mcl::has_moved(const LaserScan& scan) const {
+  const Way* way = tracking_.since_scan.find(scan);
+  return way == nullptr || way->travelled >= recipe_->config.spacing_m ||
+         way->turned >= recipe_->config.spacing_heading_rad;
 }
 
 ScanEvidence Mcl::evidence_of_prediction(const LaserScan& z) const {
@@ -311,7 +316,8 @@ ScanEvidence Mcl::evidence_of_prediction(const LaserScan& z) const {
 }
 
 /// Whether a scan weighs particles; if not, it still counts for health.
-Outcome Mcl::verdict_on(const EndPoints& points, const ScanEvidence& evidence) const {
+Outcome Mcl::verdict_on(const LaserScan& scan, const EndPoints& points,
+                        const ScanEvidence& evidence) const {
   if (evidence.covered >= HealthTuning::kBlindingCover) {
     return {Verdict::kGated, Reason::kCovered};
   }
@@ -319,8 +325,8 @@ Outcome Mcl::verdict_on(const EndPoints& points, const ScanEvidence& evidence) c
     return {Verdict::kNotModelled, Reason::kNoReturns};
   }
   const bool may_repeat = tracking_.is_tracking && tracking_.stationary_scans > 0;
-  return has_moved() || may_repeat ? Outcome{Verdict::kFused}
-                                   : Outcome{Verdict::kNotModelled, Reason::kNoNews};
+  return has_moved(scan) || may_repeat ? Outcome{Verdict::kFused}
+                                       : Outcome{Verdict::kNotModelled, Reason::kNoNews};
 }
 
 /// Weighs particles by a scan, or by what is left of it to do so; eq. (1) of docs/models/mcl.md.
@@ -330,7 +336,7 @@ internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoint
   filter_.weigh(sharpness_.field(), points);
   const double best = filter_.best_log_likelihood();
   const bool was_tracking = tracking_.is_tracking;
-  update_tracking();
+  update_tracking(scan);
   const double independent =
       tracking_.is_tracking ? config.independent_beams : config.independent_beams_searching;
   const double share = std::min(1.0, independent / static_cast<double>(points.x.size()));
@@ -346,10 +352,9 @@ internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoint
 }
 
 /// A cluster that has converged stays the tracked one until another is likelier than all others.
-void Mcl::update_tracking() {
-  tracking_.stationary_scans -= has_moved() ? 0 : 1;
-  tracking_.has_scan = true;
-  tracking_.travelled = tracking_.turned = 0.0;
+void Mcl::update_tracking(const LaserScan& scan) {
+  tracking_.stationary_scans -= has_moved(scan) ? 0 : 1;
+  tracking_.since_scan.set(scan, {});
   tracking_.is_tracking =
       sharpness_.fit_is_nominal() && !health_.is_lost() &&
       (ready() ||
@@ -361,7 +366,7 @@ void Mcl::report_scan(const LaserScan& z, const ScanEvidence& before) {
   if (health_.is_active()) {
     ScanEvidence after = health_.evidence_of(z, filter_.best().estimate);
     after.novelty = before.novelty;
-    health_.report_scan(after);
+    health_.report_scan(z, after);
   }
 }
 
@@ -479,7 +484,7 @@ PoseEstimate Mcl::overall_estimate() const {
 HealthReport Mcl::health() const { return report_of(believed()); }
 
 HealthReport Mcl::report_of(const PoseEstimate& here) const {
-  return health_.report(filter_.best().probability, here, tracking_.has_scan);
+  return health_.report(filter_.best().probability, here, has_scan());
 }
 
 }  // namespace locfuse

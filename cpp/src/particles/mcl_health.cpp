@@ -92,10 +92,11 @@ void MclHealth::restart(Stamp stamp, bool is_active) {
 
 void MclHealth::add_motion(const Pose2& motion) {
   const MclConfig& config = recipe_->config;
-  travelled_ +=
+  const double spacings =
       motion.position().norm() / std::max(config.spacing_m, MclHealthTuning::kMinScanSpacing) +
       std::abs(motion.heading) /
           std::max(config.spacing_heading_rad, MclHealthTuning::kMinScanSpacing);
+  since_scan_.for_each([&](SinceScan& since) { since.travelled += spacings; });
 }
 
 ScanEvidence MclHealth::evidence_of(const LaserScan& z, const PoseEstimate& here) const {
@@ -123,14 +124,14 @@ ScanEvidence MclHealth::evidence_of(const LaserScan& z, const PoseEstimate& here
   return evidence;
 }
 
-void MclHealth::report_scan(ScanEvidence evidence) {
+void MclHealth::report_scan(const LaserScan& z, ScanEvidence evidence) {
   if (evidence.independent > 0.0) {
-    const double waited = last_scan_ ? seconds_between(*last_scan_, evidence.stamp) /
-                                           MclHealthTuning::kStationaryPeriod
-                                     : 1.0;
-    evidence.novelty *= std::min(travelled_ + std::max(waited, 0.0), 1.0);
-    last_scan_ = evidence.stamp;
-    travelled_ = 0.0;
+    if (const SinceScan* since = since_scan_.find(z)) {
+      const double waited =
+          seconds_between(since->stamp, evidence.stamp) / MclHealthTuning::kStationaryPeriod;
+      evidence.novelty *= std::min(since->travelled + std::max(waited, 0.0), 1.0);
+    }
+    since_scan_.set(z, {evidence.stamp});
     health_.record(evidence);
   }
 }

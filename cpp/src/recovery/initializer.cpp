@@ -366,7 +366,7 @@ void Initializer::drive(const M& u) {
 }
 
 void Initializer::moved(const Pose2& motion) {
-  since_scan_ = since_scan_ * motion;
+  since_scan_.for_each([&](Pose2& since) { since = since * motion; });
   since_sightings_ = since_sightings_ * motion;
   since_ranges_m_ += std::hypot(motion.x, motion.y);
   epoch_path_m_ += std::hypot(motion.x, motion.y);
@@ -482,7 +482,7 @@ void Initializer::begin_anew() {
   most_sightings_ = 0;
   named_.clear();
   since_ranges_m_ = 0.0;
-  scanned_ = false;
+  since_scan_.clear();
   waiting_for_ = "measurements scatter more than their sigmas say";
 }
 
@@ -852,7 +852,8 @@ void Initializer::match(const LaserScan& z) {
   if (components_.empty() && epoch_.size() > 2) {
     locate();
   }
-  const bool is_news = !scanned_ || moved_on(since_scan_);
+  const Pose2* since = since_scan_.find(z);
+  const bool is_news = since == nullptr || moved_on(*since);
   if (matcher_ == nullptr || components_.empty() || !is_news ||
       z.stamp < components_.front().ekf.belief().stamp) {
     return;
@@ -876,8 +877,7 @@ void Initializer::match(const LaserScan& z) {
   }
   if (!matched.empty()) {
     components_ = std::move(matched);
-    scanned_ = true;
-    since_scan_ = {};
+    since_scan_.set(z, {});
     reduce();
   }
 }

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,13 +19,16 @@ from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros, Topics, plain, types_of
 from locfuse.io.recording import read_recording
 from locfuse.io.rosbag.bag_stream import Bag, is_bag
-from locfuse.types import NANOSECONDS, Columns, Log
+from locfuse.io.rosbag.clouds import frame_of
+from locfuse.io.rosbag.decode import MessageError
+from locfuse.io.rosbag.wire import broken, deserializer
+from locfuse.types import NANOSECONDS, Columns, Log, LogError
 
 MIN_RANGES = 20  # of a tag and an anchor, to see their scatter
 MAX_PERIOD_S = 1.0  # between them
 LEAST_SIGMA_M = 0.02
 # Sources whose types say what they are: poses may be of anybody, points of anything.
-BY_TYPE = ("odometry", "imu", "scans", "ranges", "positions", "landmark_sightings", "map")
+BY_TYPE = ("odometry", "imu", "ranges", "positions", "landmark_sightings", "map")
 Lines = Iterator[tuple[str, Any, str]]  # key with its sections, value, where it comes from
 
 
@@ -45,7 +49,8 @@ def proposal(path: Path, base: Path, world: str = "world") -> Proposal:
     in, if anything. What `check` finds stands at the end. Raises LogError as `read_recording`.
     """
     topics = dict(_topics(path)) if is_bag(path) else {}
-    ros = Ros(topics=Topics(**{key: topic for key, (topic, _) in topics.items()}))
+    named: dict[str, Any] = {key: topic for key, (topic, _) in topics.items()}
+    ros = Ros(topics=Topics(**named))
     log = read_recording(path, ros, base)
     files = _gaps(log) if is_bag(path) else {}
     filled = "to be filled in: where anchors and tags are"
@@ -136,7 +141,7 @@ def _scatter(ranges: Columns) -> tuple[float, int]:
     return (float(np.median(sigmas)), len(sigmas)) if sigmas else (0.0, 0)
 
 
-def _topics(path: Path) -> Iterator[tuple[str, tuple[str, str]]]:
+def _topics(path: Path) -> Iterator[tuple[str, tuple[str | list[str], str]]]:
     """Yield the topics that a bag has in place of the usual ones, by their types."""
     bag = Bag(path)
     for _ in bag.messages(lambda _: False):
@@ -147,6 +152,8 @@ def _topics(path: Path) -> Iterator[tuple[str, tuple[str, str]]]:
         by_type[kind][connection.topic] = by_type[kind].get(connection.topic, 0) + count
     usual = {key: plain(topic) for key, topic in vars(Topics()).items() if topic}
     there = {topic for topics in by_type.values() for topic in topics}
+    if (scans := _scans(path, by_type)) is not None:
+        yield "scans", scans
     for key in BY_TYPE:
         found = {
             topic: (count, kind)
@@ -157,8 +164,40 @@ def _topics(path: Path) -> Iterator[tuple[str, tuple[str, str]]]:
         if usual[key] in there or not found:
             continue
         most = max(found, key=lambda topic: found[topic][0])
-        others = f", not {', '.join(sorted(set(found) - {most}))}" if len(found) > 1 else ""
-        yield key, (most, f"found: {found[most][1]}{others}")
+        others = sorted(set(found) - {most})
+        also = f", not {', '.join(others)}" if others else ""
+        yield key, (most, f"found: {found[most][1]}{also}")
+
+
+def _scans(
+    path: Path, by_type: Mapping[str, Mapping[str, int]]
+) -> tuple[str | list[str], str] | None:
+    """Return a topic for each frame of scans, else of clouds; None where the usual one is all."""
+    kind = next((kind for kind in types_of("scans") if by_type.get(kind)), None)
+    if kind is None:
+        return None
+    usual, topics = str(Topics().scans), sorted(by_type[kind])
+    kept = _one_of_each_frame(path, topics) if len(topics) > 1 else topics
+    if kept == [usual]:
+        return None
+    others = sorted(set(topics) - set(kept))
+    also = f", not {', '.join(others)} of the same frames" if others else ""
+    return kept if len(kept) > 1 else kept[0], f"found: {kind}{also}"
+
+
+def _one_of_each_frame(path: Path, topics: list[str]) -> list[str]:
+    """Return a topic for each frame: of scans and the same filtered the one of the shorter name."""
+    frames: dict[str, str] = {}
+    for connection, _, data in Bag(path).messages(lambda c: c.topic in topics):
+        if connection.topic not in frames:
+            with suppress(LogError, MessageError, *broken()):
+                frames[connection.topic] = frame_of(deserializer(connection)(data))
+        if len(frames) == len(topics):
+            break
+    names: dict[str, str] = {}
+    for topic in sorted(frames, key=lambda topic: (len(topic), topic)):
+        names.setdefault(frames[topic], topic)
+    return sorted(names.values()) or topics[:1]
 
 
 def _relative(path: Path, base: Path) -> str:

@@ -76,7 +76,7 @@ def messages_without_use(context: Context) -> Iterator[Finding]:
 def _scans_are_used(context: Context) -> bool:
     """Return whether a filter, a front end, or a start that has a map uses scans."""
     log, config = context.log, context.config
-    starts = config.searches_start and log.laser is not None and log.grid is not None
+    starts = config.searches_start and log.has_laser and log.grid is not None
     makers = config.mcl, config.cylinders, config.scan_odometry
     return starts or any(part is not None for part in makers)
 
@@ -266,8 +266,8 @@ def angles_in_degrees(context: Context) -> Iterator[Finding]:
     if sensor is not None and abs(sensor["pose_in_body"][2]) > 6.3:
         yield warning("the landmark sensor is turned by more than a full turn: degrees?",
                       "log.yaml, landmark_sensor", "write radians")  # fmt: skip
-    laser = context.log.laser
-    if laser is not None:
+    lasers = context.log.lasers.values() if context.log.lasers else (context.log.laser,)
+    for laser in filter(None, lasers):
         angles = [laser["pose_in_body"][2], laser["angle_min_rad"], laser["angle_increment_rad"]]
         if max(map(abs, angles)) > 6.3 or abs(angles[2]) > 0.35:
             yield warning("the laser's angles are larger than a full turn or its beams further "

@@ -27,7 +27,7 @@ POSE = "geometry_msgs/PoseWithCovarianceStamped"
 TYPES: dict[str, tuple[str, ...]] = {
     "odometry": ("nav_msgs/Odometry",),
     "imu": ("sensor_msgs/Imu",),
-    "scans": ("sensor_msgs/LaserScan",),
+    "scans": ("sensor_msgs/LaserScan", "sensor_msgs/PointCloud2"),
     "ranges": ("locfuse_msgs/UwbRanges", "locfuse_msgs/UwbRange", "locfuse_msgs/UwbData"),
     "poses": (POSE,),
     "positions": ("sensor_msgs/NavSatFix", "locfuse_msgs/TagPosition"),
@@ -178,8 +178,10 @@ class Topics(Strict):
     """nav_msgs/Odometry."""
     imu: Name | None = "imu"
     """sensor_msgs/Imu."""
-    scans: Name | None = "scan"
-    """sensor_msgs/LaserScan."""
+    scans: Name | Annotated[list[Name], Field(min_length=1)] | None = "scan"
+    """sensor_msgs/LaserScan or PointCloud2; a list of topics for
+    [several lasers](ros.md#several-lasers).
+    """
     ranges: Name | None = "uwb"
     """locfuse_msgs/UwbRanges, UwbRange or UwbData."""
     poses: Name | None = "amcl_pose"
@@ -216,12 +218,23 @@ class Topics(Strict):
     @model_validator(mode="after")
     def _one_meaning(self) -> Topics:
         for names in (SUBSCRIBED, PUBLISHED):
-            given = {key: plain(topic) for key in names if (topic := getattr(self, key))}
-            for topic, times in Counter(given.values()).items():
+            given = [(key, topic) for key in names for topic in self.of(key)]
+            for topic, times in Counter(topic for _, topic in given).items():
                 if times > 1:
-                    keys = " and ".join(key for key, name in given.items() if name == topic)
+                    keys = " and ".join(key for key, name in given if name == topic)
                     raise ValueError(f"{keys} are both {topic!r}; expected a topic for each")
         return self
+
+    def of(self, key: str) -> tuple[str, ...]:
+        """Return the topics of a key without their leading slash: none, one, or several.
+
+        Examples
+        --------
+        >>> Topics(scans=["/front", "rear"]).of("scans"), Topics(imu=None).of("imu")
+        (('front', 'rear'), ())
+        """
+        names = getattr(self, key)
+        return tuple(map(plain, names if isinstance(names, list) else [names] if names else []))
 
 
 class Frames(Strict):
@@ -270,6 +283,10 @@ class Ros(Strict):
     stamps and ten times a second at rest; `fused`: it is that of the newest fused message, as in
     `estimate.csv`.
     """
+    cloud_heights_m: tuple[float, float] | None = None
+    """Heights over the body's origin of which points of a PointCloud2 count; null: from half the
+    height of its sensor up to 0.3 m above it [m].
+    """
     uwb_unit: Literal["m", "mm"] = "m"
     """Unit of the distances of locfuse_msgs/UwbData."""
     uwb_tag: Name = "tag"
@@ -311,8 +328,15 @@ class Ros(Strict):
         return self
 
     @model_validator(mode="after")
+    def _heights_increase(self) -> Ros:
+        low, high = self.cloud_heights_m or (0.0, 1.0)
+        if not low < high:
+            raise ValueError(f"cloud_heights_m is [{low:g}, {high:g}]; expected low < high")
+        return self
+
+    @model_validator(mode="after")
     def _range_topics_are_their_own(self) -> Ros:
-        taken = {plain(topic): key for key in SUBSCRIBED if (topic := getattr(self.topics, key))}
+        taken = {topic: key for key in SUBSCRIBED for topic in self.topics.of(key)}
         given = set()
         for name in map(plain, self.range_topics):
             if name in taken:

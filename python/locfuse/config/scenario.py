@@ -718,14 +718,25 @@ class Scenario(Strict):
     """Altimeter; off by default."""
     laser: LaserSensor | None = None
     """2D laser scanner; off by default. Needs a `map`."""
+    lasers: dict[Name, LaserSensor] = Field(default_factory=dict)
+    """Several of them by name, in place of `laser`. The first scan of each of n comes 1/n of its
+    period after that of the one before.
+    """
     map: RoomMap | None = None
     """World that the laser sees; written into the log."""
     faults: list[Fault] = Field(default_factory=list)
     """Faults, applied in this order."""
 
+    @property
+    def scanners(self) -> dict[str, LaserSensor]:
+        """The lasers by name; a single one has none."""
+        return self.lasers if self.laser is None else {"": self.laser}
+
     @model_validator(mode="after")
     def _sensors_have_what_they_need(self) -> Scenario:
-        if all(getattr(self, name) is None for name in (*get_args(Source), "laser")):
+        if self.laser is not None and self.lasers:
+            raise ValueError("both laser and lasers are given; expected one of them")
+        if all(getattr(self, name) is None for name in get_args(Source)) and not self.scanners:
             raise ValueError("no sensor is switched on; expected at least one")
         if self.ranges is not None and not (self.anchors and self.tags):
             missing = "anchors" if not self.anchors else "tags"
@@ -738,7 +749,7 @@ class Scenario(Strict):
                     )
         if self.landmark_sightings is not None and not self.landmarks:
             raise ValueError("landmark_sightings need landmarks, but landmarks is empty")
-        if self.laser is not None and self.map is None:
+        if self.scanners and self.map is None:
             raise ValueError("a laser needs something to see; add 'map: {}' for the room's walls")
         if isinstance(self.path, Roam) and self.map is None:
             raise ValueError("a robot that roams needs a map; add one, such as 'map: {}'")
@@ -757,10 +768,11 @@ class Scenario(Strict):
         each = {  # messages, or beams, of one instant
             "odometry": 1, "ranges": len(self.anchors) * len(self.tags), "poses": 1,
             "positions": fixes, "landmark_sightings": len(self.landmarks), "altitudes": 1,
-            "laser": 1,
         }  # fmt: skip
-        for name, count in each.items():
-            sensor = getattr(self, name)
+        sensors = {name: (getattr(self, name), count) for name, count in each.items()}
+        sensors |= {f"lasers.{name}" if name else "laser": (sensor, 1)
+                    for name, sensor in self.scanners.items()}  # fmt: skip
+        for name, (sensor, count) in sensors.items():
             if sensor is None:
                 continue
             messages = self.duration_s * sensor.rate_hz * count
@@ -824,7 +836,8 @@ class Scenario(Strict):
                     _require_in_room([fault.to[:2]], self.room_m, f"faults.{index}.to")
                 continue
             source = fault_source(fault)
-            if getattr(self, source) is None:
+            is_on = self.scanners if source == "laser" else getattr(self, source) is not None
+            if not is_on:
                 raise ValueError(
                     f"faults.{index} ({fault.kind}) acts on {source}, which is switched off"
                 )

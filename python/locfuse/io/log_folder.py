@@ -57,11 +57,11 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         (*_SEEN, "elevation_rad", "sigma_range_m", "sigma_bearing_rad", "sigma_elevation_rad"),
     ),
     "altitudes": (("stamp_s", "height_m"), ("stamp_s", "height_m", "sigma_m")),
-    "scans": (
-        ("stamp_s", "ranges_m"),
-        ("stamp_s", "ranges_m", "intensities"),
-        ("stamp_s", *GEOMETRY, "ranges_m"),
-        ("stamp_s", *GEOMETRY, "ranges_m", "intensities"),
+    "scans": tuple(
+        ("stamp_s", *laser, *geometry, "ranges_m", *bright)
+        for laser in ((), ("laser",))
+        for geometry in ((), GEOMETRY)
+        for bright in ((), ("intensities",))
     ),
     "imu": (("stamp_s", *RATES), ("stamp_s", *RATES, *FORCES)),
     "truth": (
@@ -85,7 +85,7 @@ MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "a
 OF_THE_WORLD = ("anchors", "landmarks")
 MAY_BE_EMPTY = MESSAGES[1:]
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
-NAMES = ("tag", "anchor", "landmark")
+NAMES = ("tag", "anchor", "landmark", "laser")
 MAY_BE_NAMELESS = (("landmark_sightings", "landmark"), ("positions", "tag"))
 PLACES = ("x_m", "y_m", "z_m", "height_m")
 MAY_NOT_KNOW = ("positions", "poses")  # their sigmas: -1 or 0
@@ -236,8 +236,17 @@ def _check_set(tables: Mapping[str, Columns], settings: Mapping[str, Any], where
     if not any(len(table["stamp_ns"]) for stem, table in tables.items() if stem in MESSAGES):
         names = ", ".join(f"{stem}.csv" for stem in MESSAGES)
         raise LogError(f"{where}: no message, expected rows in one of {names}")
-    if "scans" in tables and "laser" not in settings:
-        raise LogError(f"{where}: scans without geometry, expected the key laser in log.yaml")
+    if "scans" not in tables:
+        return
+    is_named, lasers = "laser" in tables["scans"], settings.get("lasers", {})
+    if not is_named and "laser" not in settings:
+        key = "the column laser in scans.csv" if lasers else "the key laser in log.yaml"
+        raise LogError(f"{where}: scans without geometry, expected {key}")
+    for name in np.unique(tables["scans"]["laser"]).tolist() if is_named else ():
+        if name not in lasers:
+            known = f"it has {', '.join(lasers)}" if lasers else f"expected lasers: {{{name}: ...}}"
+            raise LogError(f"{where}: scans.csv has the laser {shown(name)}, of which log.yaml "
+                           f"says nothing; {known}")  # fmt: skip
 
 
 def read_log_file(path: Path, stem: str) -> Columns:
@@ -433,6 +442,7 @@ def _settings_of(log: Log) -> dict[str, Any]:
     settings: dict[str, Any] = {
         "tags": dict(log.tags),
         "laser": log.laser,
+        "lasers": dict(log.lasers),
         "landmark_sensor": log.landmark_sensor,
         "map": log.map or (None if log.grid is None else "map.yaml"),
         "description": log.description,

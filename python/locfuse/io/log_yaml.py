@@ -16,7 +16,7 @@ from locfuse.io.csv_table import read_bytes
 from locfuse.io.whole import write_whole
 from locfuse.types import YAML_ERRORS, LogError, nearest, shown, words
 
-KEYS = ("tags", "laser", "landmark_sensor", "map", "description", "licence")
+KEYS = ("tags", "laser", "lasers", "landmark_sensor", "map", "description", "licence")
 LASER_KEYS = ("pose_in_body", "angle_min_rad", "angle_increment_rad", "range_min_m", "range_max_m")
 LANDMARK_SENSOR_KEYS = ("pose_in_body",)
 
@@ -83,7 +83,9 @@ def checked(settings: Any, where: str) -> dict[str, Any]:
     if "tags" in values:
         values["tags"] = _tags(values["tags"], where)
     if "laser" in values:
-        values["laser"] = _laser(values["laser"], where)
+        values["laser"] = _laser(values["laser"], f"{where}: laser")
+    if "lasers" in values:
+        values["lasers"] = _lasers(values, where)
     if "landmark_sensor" in values:
         values["landmark_sensor"] = _landmark_sensor(values["landmark_sensor"], where)
     return values
@@ -116,8 +118,16 @@ def _landmark_sensor(value: Any, where: str) -> dict[str, Any]:
     return {"pose_in_body": list(_triple(value["pose_in_body"], f"{where}.pose_in_body"))}
 
 
+def _lasers(values: Mapping[str, Any], where: str) -> dict[str, dict[str, Any]]:
+    named = values["lasers"]
+    if "laser" in values:
+        raise LogError(f"{where}: both laser and lasers are given, expected one of them")
+    if not isinstance(named, Mapping) or not named:
+        raise LogError(f"{where}: lasers is {shown(named)}, expected NAME: {{pose_in_body: ...}}")
+    return {name: _laser(laser, f"{where}: lasers.{name}") for name, laser in named.items()}
+
+
 def _laser(value: Any, where: str) -> dict[str, Any]:
-    where = f"{where}: laser"
     optional = [key for key in ("time_increment_s",) if isinstance(value, Mapping) and key in value]
     _all_keys(value, (*LASER_KEYS, *optional), where)
     laser: dict[str, Any] = {

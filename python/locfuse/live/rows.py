@@ -16,6 +16,8 @@ from locfuse.run.messages import NOT_IN_PLANE
 from locfuse.run.start import laser_geometry
 from locfuse.types import NANOSECONDS, FloatArray, Log
 
+MAX_LASERS = 16  # whose geometry is kept
+
 Row = Mapping[str, Any]
 Message = (
     _core.Velocity
@@ -43,8 +45,8 @@ class Rows:
         self.anchor_names = _names(world, "anchors", "anchor")
         self.landmark_names = _names(world, "landmarks", "landmark")
         self.tag_names = list(world.tags)
-        self._laser = world.laser
-        self._geometry: tuple[Any, _core.LaserGeometry] | None = None
+        self._laser, self._lasers = world.laser, world.lasers
+        self._geometries: list[tuple[Any, _core.LaserGeometry]] = []  # of the last lasers
         self._ids = [
             {name: i for i, name in enumerate(names)}
             for names in (self.anchor_names, self.tag_names, self.landmark_names)
@@ -82,19 +84,28 @@ class Rows:
         return _core.Imu(int(row["stamp_ns"]) - self._delay_ns["imu"], rate, force)
 
     def scan(self, row: Row) -> _core.LaserScan:
-        """Return a row of scans, with ``laser`` where its geometry is not that of the world."""
+        """Return a row of scans.
+
+        Its ``laser`` is the name of one of several in the world, or a geometry of its own.
+        """
         laser = row.get("laser", self._laser)
+        if isinstance(laser, str):
+            laser = self._lasers.get(laser)
         if laser is None:
-            raise ValueError("a scan came, but nothing is known of the laser; add 'laser' to the "
-                             "log.yaml of the world")  # fmt: skip
+            name = f" {row['laser']!r}" if "laser" in row else ""
+            key = "lasers" if name or self._lasers else "laser"
+            raise ValueError(f"a scan came, but nothing is known of the laser{name}; add {key!r} "
+                             "to the log.yaml of the world")  # fmt: skip
         if "beams" in row:  # of a log in which scans differ
             laser = {**laser, **{key: row[key] for key in ("angle_min_rad", "angle_increment_rad")}}
-        if self._geometry is None or self._geometry[0] != laser:
-            self._geometry = (laser, laser_geometry(laser))
+        geometry = next((known for given, known in self._geometries if given == laser), None)
+        if geometry is None:
+            geometry = laser_geometry(laser)
+            self._geometries = [(laser, geometry), *self._geometries[: MAX_LASERS - 1]]
         beams = int(row["beams"]) if "beams" in row else None
         bright = row["intensities"][:beams] if row.get("intensities") is not None else None
         known = bright is not None and bool(np.all(np.isfinite(bright)))
-        return _core.LaserScan(int(row["stamp_ns"]), self._geometry[1], row["ranges_m"][:beams],
+        return _core.LaserScan(int(row["stamp_ns"]), geometry, row["ranges_m"][:beams],
                                bright if known else None)  # fmt: skip
 
     def _odometry(self, stamp: int, row: Row) -> Message:

@@ -13,6 +13,7 @@ from locfuse import _core
 from locfuse.config.build import build_anchors, build_cylinder_detector
 from locfuse.config.schema import USABLE, RunConfig
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
+from locfuse.run.cylinders import ONE_LASER
 from locfuse.run.health import name_of, reason_of
 from locfuse.run.mcl import LIKELY, PoseTicks, live_mcl, mcl_on
 from locfuse.run.messages import landmark_sight
@@ -143,6 +144,7 @@ class LiveRun:
         self._on_map: _core.LiveMcl | None = None
         self._found_on_map = False  # one place was left at some time, or the start was given
         self._map_pose: _core.PoseEstimate | None = None
+        self._only_laser: _core.Pose2 | None = None  # by which cylinders are seen
         self._filter: _core.Live | None = None
         if config.mcl is None or config.mcl.poses_hz is not None:
             self._filter = _core.Live(
@@ -169,8 +171,8 @@ class LiveRun:
     def on(self, source: str, row: Row) -> str:
         """Take a row of the table `source` of a log, with the names and units of its columns.
 
-        A scan brings, beside ``stamp_ns`` and ``ranges_m``, the geometry of its laser where that is
-        not the world's: ``laser``, a mapping as `Log.laser`.
+        A scan brings, beside ``stamp_ns`` and ``ranges_m``, its ``laser``: the name of one of
+        several in the world, or a mapping as `Log.laser` where its geometry is not the world's.
 
         Returns
         -------
@@ -254,6 +256,10 @@ class LiveRun:
                 and "odometry" in self.config.use):  # fmt: skip
             self._drive(self._odometry, scan)
         if self._cylinders is not None:
+            self._only_laser = self._only_laser or scan.geometry.pose_in_body
+            if scan.geometry.pose_in_body != self._only_laser:
+                raise ValueError("cylinders are seen by one laser, but scans of two come; "
+                                 f"{ONE_LASER}")  # fmt: skip
             for one in self._cylinders.detect(scan):
                 sigmas = np.sqrt(np.diag(one.covariance)[:2])
                 covariance = reported_covariance(sigmas)  # as in a table

@@ -60,7 +60,7 @@ def _write(rr: Any, result: RunResult, part: Path) -> None:
         writer.errors(result)
     if result.estimate.covariance is not None:
         writer.ellipse(result.estimate)
-    if "scans" in result.log and result.log.laser is not None:
+    if "scans" in result.log and result.log.has_laser:
         writer.scans(result.log, result.estimate)
     writer.ranges(result)
     writer.particles(result)
@@ -155,9 +155,17 @@ class _Writer:
         ))  # fmt: skip
 
     def scans(self, log: Log, estimate: Trajectory) -> None:
-        """Send the ends of beams, from the estimated pose of the laser."""
-        laser, table = log.laser, log["scans"]
-        assert laser is not None
+        """Send the ends of beams of each laser, from its estimated pose."""
+        names = log["scans"].get("laser", np.full(len(log["scans"]["stamp_ns"]), ""))
+        for name in np.unique(names).tolist():
+            entity = f"world/scan/{name}" if name else "world/scan"
+            self._scans_of(entity, log, np.flatnonzero(names == name), estimate)
+
+    def _scans_of(
+        self, entity: str, log: Log, rows: NDArray[np.intp], estimate: Trajectory
+    ) -> None:
+        laser, _ = log.scan_geometry(int(rows[0]))
+        table = {name: column[rows] for name, column in log["scans"].items()}
         at, inside = interpolate(estimate, table["stamp_ns"])
         if len(at) == 0:
             return
@@ -173,7 +181,7 @@ class _Writer:
         py = at.position[:, 1:] + s * x + c * y + ranges * np.sin(angle)
         hit = np.isfinite(ranges) & (ranges > 0.0) & (ranges < laser["range_max_m"])
         points = np.column_stack([px[hit], py[hit]])
-        self._clouds("world/scan", _SCAN, at.stamp_ns, points, hit.sum(axis=1))
+        self._clouds(entity, _SCAN, at.stamp_ns, points, hit.sum(axis=1))
 
     def particles(self, result: RunResult) -> None:
         if result.frames:

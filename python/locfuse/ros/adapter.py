@@ -15,7 +15,7 @@ import numpy as np
 from locfuse.config.ros import POSE, TYPES, plain, types_of
 from locfuse.config.schema import SOURCES, RunConfig, places_antennas
 from locfuse.io.log_folder import read_world
-from locfuse.io.rosbag import decode, encode, rows
+from locfuse.io.rosbag import clouds, decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.fields import OtherMessages
@@ -138,14 +138,15 @@ class Adapter:
             wanted.add("scans")
         listens = [
             Subscription(
-                plain(topic),
+                topic,
                 source,
                 () if source in config.ros.fields else types_of(source),
                 source in LATCHED,
                 QUEUES.get(source, 100),
             )
             for source in TYPES
-            if source in wanted and (topic := getattr(config.ros.topics, source)) is not None
+            if source in wanted
+            for topic in config.ros.topics.of(source)
         ]
         if "ranges" in config.use:
             listens += [
@@ -285,9 +286,15 @@ class Adapter:
         self._feed("imu", rows.imu_row(row))
 
     def _scan(self, message: Any, topic: str) -> None:
-        row = decode.scan(message)
+        if clouds.is_cloud(message):
+            pose = self._world.sensor_pose(clouds.frame_of(message))
+            row = clouds.scan_of(message, pose, self._config.ros.cloud_heights_m)
+        else:
+            row = decode.scan(message)
         self._in_time(row.stamp_ns, topic)
-        mount, upside_down = self._world.laser_mount(row.frame, row.angle_increment)
+        mount, upside_down = row.mount, False
+        if mount is None:
+            mount, upside_down = self._world.laser_mount(row.frame, row.angle_increment)
         if row.saturated is not None:
             self._problem("saturated", decode.saturated_readings([row.saturated]))
         if self._live is not None:

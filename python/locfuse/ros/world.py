@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from locfuse.io.rosbag.decode import MessageError, TransformRow
-from locfuse.io.rosbag.frames import FrameTree, Mount
+from locfuse.io.rosbag.decode import MessageError, Mount, TransformRow
+from locfuse.io.rosbag.frames import FrameTree, laser_mount, sensor_pose, two_of_one
 from locfuse.types import Columns, FloatArray, GridMap, Log
 
 
@@ -23,6 +23,7 @@ class World:
         self._given = given
         self.log = given
         self.tree = FrameTree(base)
+        self._of_laser: str | None = None  # frame of the first scan
 
     def add_transforms(self, rows: list[TransformRow]) -> None:
         """Take static transforms."""
@@ -67,18 +68,23 @@ class World:
                            f"{frame or tag} on tf_static")  # fmt: skip
 
     def laser_mount(self, frame: str, increment: float) -> tuple[Mount, bool]:
-        """Return where the laser of a scan sits, and whether head down.
+        """Return where the laser of a scan sits, and whether head down: as `frames.laser_mount`.
 
-        `increment` is the angle between two beams, as the scan has it [rad].
-
-        Raises MessageError if nothing says where it sits, or it does not look into the plane.
+        Raises MessageError where the folder places one laser, and scans of two come.
         """
+        self._check_laser(frame)
+        return laser_mount(self._given, self.tree, frame, increment)
+
+    def sensor_pose(self, frame: str) -> FloatArray:
+        """Return the pose (4, 4) in the body of the sensor of a cloud; errors as `laser_mount`."""
+        self._check_laser(frame)
+        return sensor_pose(self._given, self.tree, frame)
+
+    def _check_laser(self, frame: str) -> None:
         if self._given.laser is not None:
-            x, y, heading = map(float, self._given.laser["pose_in_body"])
-            return Mount(x, y, 0.0, heading), (
-                float(self._given.laser["angle_increment_rad"]) * increment < 0.0
-            )
-        return self.tree.mount(frame), self.tree.upside_down(frame)
+            self._of_laser = self._of_laser if self._of_laser is not None else frame
+            if frame != self._of_laser:
+                raise MessageError(two_of_one(self._of_laser, frame))
 
     def add_landmark_sensor(self, frame: str) -> bool:
         """Take where landmarks are seen from; return whether it is new.

@@ -13,6 +13,8 @@ from locfuse.run.missing_inputs import how_to_add
 from locfuse.run.start import scans_of
 from locfuse.types import Log, LogError
 
+ONE_LASER = "name one of them in ros.topics.scans, or keep its rows of scans.csv"
+
 
 def with_cylinders(log: Log, config: RunConfig) -> Log:
     """Return the log with the cylinders in its scans, if the configuration asks for them.
@@ -29,6 +31,11 @@ def with_cylinders(log: Log, config: RunConfig) -> Log:
             raise LogError(f"cylinders are detected in scans and identified by landmarks, but "
                            f"the log has no {table}; {how_to_add(log, table)}, or leave "
                            "'cylinders' out")  # fmt: skip
+    if log.lasers:
+        raise LogError(
+            f"cylinders are seen by one laser, but the log has {len(log.lasers)}: "
+            f"{', '.join(log.lasers)}; {ONE_LASER}, or leave 'cylinders' out"
+        )
     if "landmark_sightings" in log:
         raise LogError("the log has landmark_sightings, which cylinders would replace; leave "
                        "'cylinders' out, or these")  # fmt: skip

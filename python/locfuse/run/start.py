@@ -81,17 +81,19 @@ def _covariance(sigma: StartSigma) -> FloatArray:
 
 
 def scans_of(log: Log) -> list[_core.LaserScan]:
-    """Return the scans of a log as messages; none where it has no scans.
+    """Return the scans of a log as messages, of all its lasers; none where it has no scans.
 
     A scan of which an intensity is not known is one without.
     """
-    if "scans" not in log or log.laser is None:
+    if "scans" not in log or not log.has_laser:
         return []
-    geometries: dict[tuple[float, float], _core.LaserGeometry] = {}
+    names = log["scans"].get("laser")
+    geometries: dict[tuple[str, float, float], _core.LaserGeometry] = {}
     found = []
     for row, stamp in enumerate(log["scans"]["stamp_ns"].tolist()):
         laser, beams = log.scan_geometry(row)
-        key = laser["angle_min_rad"], laser["angle_increment_rad"]
+        name = "" if names is None else str(names[row])
+        key = name, laser["angle_min_rad"], laser["angle_increment_rad"]
         if key not in geometries:
             geometries[key] = laser_geometry(laser)
         bright = log["scans"]["intensities"][row, :beams] if "intensities" in log["scans"] else None
@@ -129,7 +131,7 @@ def matcher_of(log: Log) -> _core.ScanMatcher | None:
 
 def require_headings(config: RunConfig, log: Log) -> None:
     """Raise LogError where the start is ``srls_headings``, and the log has not what that needs."""
-    there = {"ranges": "ranges" in log, "scans": "scans" in log and log.laser is not None,
+    there = {"ranges": "ranges" in log, "scans": "scans" in log and log.has_laser,
              "map": log.grid is not None}  # fmt: skip
     for what in there if config.start == "srls_headings" else ():
         if not there[what]:

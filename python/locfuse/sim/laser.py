@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from locfuse.config.scenario import Covered, Glass, LaserFault, LaserSensor, Max
 from locfuse.sim.beams import cast
 from locfuse.sim.obstacles import clearness, hidden_by, walk
 from locfuse.sim.sensors import point_in_world, seconds
+from locfuse.sim.sensors import stamps as stamps_of
 from locfuse.sim.trajectory import Drive
 from locfuse.types import NANOSECONDS, Columns, FloatArray, GridMap, StampArray
 
@@ -32,6 +33,36 @@ def geometry(sensor: LaserSensor) -> dict[str, Any]:
         "range_min_m": sensor.range_min_m,
         "range_max_m": sensor.range_max_m,
     }
+
+
+def stamps(sensor: LaserSensor, duration_s: float, share: float) -> StampArray:
+    """Return the stamps of scans: from that share of a period on, up to the duration."""
+    begin = share / sensor.rate_hz
+    later: StampArray = stamps_of(sensor.rate_hz, duration_s - begin) + round(begin * NANOSECONDS)
+    return later
+
+
+def together(seen: Mapping[str, Columns], lasers: Mapping[str, LaserSensor]) -> Columns:
+    """Return the scans of all lasers in order of their stamps, with the names of several."""
+    if "" in seen:
+        return seen[""]
+    widest = max(sensor.beams for sensor in lasers.values())
+    tables = []
+    for name, sensor in lasers.items():
+        n, beam = len(seen[name]["stamp_ns"]), geometry(sensor)
+        own = {"beams": float(sensor.beams)} | {
+            key: beam[key] for key in ("angle_min_rad", "angle_increment_rad")
+        }
+        ranges = np.pad(seen[name]["ranges_m"], ((0, 0), (0, widest - sensor.beams)),
+                        constant_values=np.nan)  # fmt: skip
+        tables.append({"stamp_ns": seen[name]["stamp_ns"], "laser": np.full(n, name),
+                       **{key: np.full(n, value) for key, value in own.items()},
+                       "ranges_m": ranges})  # fmt: skip
+    whole = {key: np.concatenate([table[key] for table in tables]) for key in tables[0]}
+    if len({sensor.beams for sensor in lasers.values()}) == 1:
+        whole = {key: whole[key] for key in ("stamp_ns", "laser", "ranges_m")}
+    order = np.argsort(whole["stamp_ns"], kind="stable")
+    return {key: values[order] for key, values in whole.items()}
 
 
 def scans(

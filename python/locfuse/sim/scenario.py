@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -88,27 +89,33 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         "altitudes": lambda t, sensor: sensors.altitudes(flight, t, sensor, for_altitudes),
         "imu": lambda t, sensor: sensors.imu(driven, t, sensor, for_imu),
     }
-    named = {name: getattr(scenario, name) for name in makers} | {"scans": scenario.laser}
+    named = {name: getattr(scenario, name) for name in makers}
     epochs = {name: sensors.stamps(sensor.rate_hz, scenario.duration_s)
               for name, sensor in named.items() if sensor is not None}  # fmt: skip
     measured = {name: make(epochs[name], named[name])
                 for name, make in makers.items() if name in epochs}  # fmt: skip
     epochs.pop("imu", None)
+    scanners = scenario.scanners
+    turns = {name: laser.stamps(sensor, scenario.duration_s, number / len(scanners))
+             for number, (name, sensor) in enumerate(scanners.items())}  # fmt: skip
     odometry_ns = epochs.get("odometry", np.empty(0, np.int64))
     world = World(drive, scenario.tags, scenario.anchors, odometry_ns)
     faults = list(zip(scenario.faults, for_faults.spawn(len(scenario.faults)), strict=True))
     tables = with_faults(measured, faults, world)
-    truth = sensors.truth(drive, np.unique(np.concatenate(list(epochs.values()))),
-                          flight)  # fmt: skip
+    all_ns = np.unique(np.concatenate([*epochs.values(), *turns.values()]))
+    truth = sensors.truth(drive, all_ns, flight)
     check_way(scenario, grid, truth)
     landmarks = np.array(list(scenario.landmarks.values()), np.float64).reshape(-1, 2)
     has_discs = scenario.landmark_radius_m > 0.0
-    if scenario.laser is not None and grid is not None:
+    if scanners and grid is not None:
         seen = [(fault, child) for fault, child in faults if isinstance(fault, LaserFault)]
         discs = (landmarks, scenario.landmark_radius_m) if has_discs else None
-        tables["scans"] = laser.scans(
-            drive, epochs["scans"], grid, scenario.laser, for_laser, seen, discs
-        )
+        children = [for_laser] if "" in scanners else for_laser.spawn(len(scanners))
+        # Each sees the same people and glass: faults draw for each of them the same.
+        tables["scans"] = laser.together({
+            name: laser.scans(drive, turns[name], grid, sensor, child, deepcopy(seen), discs)
+            for (name, sensor), child in zip(scanners.items(), children, strict=True)
+        }, scanners)  # fmt: skip
     tables["truth"] = truth
     if scenario.anchors:
         at = np.array(list(scenario.anchors.values()), dtype=np.float64)
@@ -134,6 +141,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         tags=dict(scenario.tags),
         landmark_sensor=_landmark_sensor(scenario),
         laser=None if scenario.laser is None else laser.geometry(scenario.laser),
+        lasers={name: laser.geometry(sensor) for name, sensor in scenario.lasers.items()},
         map=None if grid is None else "map.yaml",
         grid=grid,
         description=f"Simulated: {scenario.path.shape}, {scenario.duration_s:g} s",

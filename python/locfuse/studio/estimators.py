@@ -117,7 +117,7 @@ def _can(choice: Choice, data: Data, config: RunConfig) -> bool:
         return False
     if simulation is None or choice.key == "as_set":
         return True
-    if with_choice.mcl is not None and simulation.laser is None:
+    if with_choice.mcl is not None and not simulation.scanners:
         return False
     if choice.key.startswith("mcl"):
         return True

@@ -208,7 +208,7 @@ def test_scans_are_whole_centimetres_and_coarser_before_they_are_fewer() -> None
     thin = pack(with_scans(make_result(n=20), 400, 400), max_bytes=200_000)["scans"]
     assert thin["ranges_cm"]["shape"][0] == 400
     assert 90 <= thin["ranges_cm"]["shape"][1] < 400
-    step = round(thin["angle_increment"] / 0.01)
+    step = round(thin["lasers"][0]["angle_increment"] / 0.01)
     assert array(thin["ranges_cm"])[0].tolist() == list(range(0, 400, step))
 
 

@@ -9,8 +9,8 @@
 
 namespace locfuse {
 
-/// Odometry of a laser's scans, where the motion by wheels, if there are any, is where a fit
-/// begins; docs/models/scan_matching.md, "As the odometry of a run".
+/// Odometry of the scans of one or several lasers, where the motion by wheels, if there are any, is
+/// where a fit begins; docs/models/scan_matching.md, "As the odometry of a run".
 ///
 /// Without wheels, or while they are silent for more than a second, the body is expected to go on
 /// as it did in the last scans, give or take 0.5 m/s and 0.5 rad/s. Feed messages in order of
@@ -30,8 +30,9 @@ class ScanDrive {
   /// std::invalid_argument if it is not valid.
   void on(const Velocity& u);
   void on(const Increment& u);
-  /// Returns the motion since the last scan; empty for the first one, and for one that is late.
-  /// Throws std::invalid_argument if it is not valid.
+  /// Returns the motion since the last scan; empty for the first one, for one that is late, and for
+  /// one of another laser at the same stamp, whose correction the next motion has. Throws
+  /// std::invalid_argument if it is not valid.
   std::optional<Increment> on(const LaserScan& scan);
 
  private:
@@ -44,11 +45,13 @@ class ScanDrive {
   [[nodiscard]] bool take_wheels(Stamp begin, Stamp stamp);
   [[nodiscard]] Guess by_wheels(Stamp stamp, double seconds);
   [[nodiscard]] Guess by_scans(double seconds) const;
+  void correct(const LaserScan& scan);
   void follow(const Pose2& motion, double seconds);
 
   OdometryMotion model_;
   ScanOdometry odometry_;
   std::optional<Stamp> at_;              // stamp of the last scan
+  std::optional<Pose2> correction_;      // by other scans of that stamp
   Vector<3> twist_ = Vector<3>::Zero();  // by the last scans, per second
   Pose2 since_;                          // motion by scans that is not yet in it
   double seconds_ = 0.0;                 // of that

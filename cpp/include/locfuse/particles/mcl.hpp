@@ -11,6 +11,7 @@
 #include "locfuse/filters/particle_bins.hpp"
 #include "locfuse/filters/particles.hpp"
 #include "locfuse/messages/message.hpp"
+#include "locfuse/messages/per_laser.hpp"
 #include "locfuse/particles/mcl_config.hpp"
 #include "locfuse/particles/mcl_health.hpp"
 #include "locfuse/particles/mcl_map_sharpness.hpp"
@@ -58,8 +59,8 @@ class Mcl {
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
   /// Weighs by the likelihood field or the beam model. kNotModelled if the robot has hardly moved
-  /// since the last scan used, or if the scan has no returns; kGated if something covers most of
-  /// the laser: near returns where the map has no wall.
+  /// since the last scan used of the same laser, which its mount shows, or if the scan has no
+  /// returns; kGated if something covers most of the laser: near returns where the map has no wall.
   Outcome on(const LaserScan& z);
   Outcome on(const Range& z);
   Outcome on(const PositionFix& z);
@@ -87,7 +88,7 @@ class Mcl {
     return filter_.hypotheses();
   }
   /// Whether one cluster has probability_ready and is narrow.
-  [[nodiscard]] bool ready() const { return tracking_.has_scan && filter_.is_converged(); }
+  [[nodiscard]] bool ready() const { return has_scan() && filter_.is_converged(); }
   /// Share of the last scan's end points that a wall explains, seen from the likeliest cluster.
   [[nodiscard]] double explained() const { return sharpness_.explained(); }
   /// Share of the last measurement's information that was used, as `reweigh` returns it.
@@ -104,13 +105,16 @@ class Mcl {
   [[nodiscard]] double sigma_hit() const { return sharpness_.sigma_hit(); }
 
  private:
+  struct Way {
+    double travelled = 0.0;  // [m]: the path, not the displacement
+    double turned = 0.0;     // [rad]
+  };
+
   struct Tracking {
-    bool has_scan = false;      // since the start
-    bool is_searching = false;  // started anywhere, and not tracked since
-    bool is_tracking = false;   // one cluster outweighs all others, and scans fit
-    int stationary_scans = 0;   // that may still be used without motion
-    double travelled = 0.0;     // since the last scan used [m]: the path, not the displacement
-    double turned = 0.0;        // the same [rad]
+    bool is_searching = false;           // started anywhere, and not tracked since
+    bool is_tracking = false;            // one cluster outweighs all others, and scans fit
+    int stationary_scans = 0;            // of any laser that may still be used without motion
+    internal::PerLaser<Way> since_scan;  // since the last one used, after the start
   };
 
   [[nodiscard]] PoseEstimate believed() const;
@@ -122,13 +126,15 @@ class Mcl {
              const std::optional<Vector<3>>& variance);
   void propagate_particles();
   [[nodiscard]] std::optional<LaserScan> propagate_particles(const LaserScan& scan);
-  [[nodiscard]] bool has_moved() const;
+  [[nodiscard]] bool has_scan() const { return !tracking_.since_scan.empty(); }
+  [[nodiscard]] bool has_moved(const LaserScan& scan) const;
   [[nodiscard]] ScanEvidence evidence_of_prediction(const LaserScan& z) const;
   Outcome take(const LaserScan& z);
-  [[nodiscard]] Outcome verdict_on(const EndPoints& points, const ScanEvidence& evidence) const;
+  [[nodiscard]] Outcome verdict_on(const LaserScan& scan, const EndPoints& points,
+                                   const ScanEvidence& evidence) const;
   internal::UsedScan weigh_and_resample(const LaserScan& scan, const EndPoints& points,
                                         const std::optional<LaserScan>& rest);
-  void update_tracking();
+  void update_tracking(const LaserScan& scan);
   void report_scan(const LaserScan& z, const ScanEvidence& before);
   void sharpen_map(const EndPoints& points);
   void recover(const internal::UsedScan& scan);

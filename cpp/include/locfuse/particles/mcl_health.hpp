@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "locfuse/messages/per_laser.hpp"
 #include "locfuse/particles/mcl_recipe.hpp"
 #include "locfuse/recovery/health.hpp"
 
@@ -32,8 +33,8 @@ class MclHealth {
   /// The scan without returns right in front of the laser, if so many are that it must be cleared.
   [[nodiscard]] static std::optional<LaserScan> without_cover(const LaserScan& z,
                                                               const ScanEvidence& evidence);
-  /// Records a scan, as far as it is new information.
-  void report_scan(ScanEvidence evidence);
+  /// Records a scan, as far as it is new information beside the last one of the same laser.
+  void report_scan(const LaserScan& z, ScanEvidence evidence);
   /// Records how another measurement fits the likeliest cluster before its update.
   template <class Message>
   void record(const Message& z, Outcome outcome);
@@ -48,11 +49,15 @@ class MclHealth {
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
 
  private:
+  struct SinceScan {
+    Stamp stamp = 0;         // of the last scan
+    double travelled = 0.0;  // since then, in scan spacings
+  };
+
   std::shared_ptr<const MclRecipe> recipe_;
   Health health_;
   bool is_active_ = false;
-  std::optional<Stamp> last_scan_;
-  double travelled_ = 0.0;  // since the last scan, in scan spacings
+  PerLaser<SinceScan> since_scan_;
 };
 
 }  // namespace locfuse::internal

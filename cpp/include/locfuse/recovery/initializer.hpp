@@ -14,6 +14,7 @@
 #include "locfuse/frontends/heading_start.hpp"
 #include "locfuse/frontends/scan_matcher.hpp"
 #include "locfuse/frontends/tag_conditioner.hpp"
+#include "locfuse/messages/per_laser.hpp"
 #include "locfuse/recovery/gaussian_sum.hpp"
 
 namespace locfuse {
@@ -54,7 +55,7 @@ class Initializer {
     int headings = 36;                  ///< tried all around where no heading is known
     double wrong_share = 0.01;          ///< of the ranges, and of the positions, that say nothing
     double wrong_span_m = 20.0;         ///< what is wrong is wrong by anything up to this [m]
-    double spacing_m = 0.2;             ///< motion after which a scan is used again [m]
+    double spacing_m = 0.2;             ///< motion after which a laser is used again [m]
     double spacing_heading_rad = 0.35;  ///< or turn [rad]
     double sigma_map_m = 0.03;          ///< how well the map lies among the anchors [m]
     double sigma_map_rad = 0.02;        ///< and of its heading [rad]
@@ -190,14 +191,13 @@ class Initializer {
   // That constellations fitted by chance: none of the components is right.
   double log_nowhere_ = -std::numeric_limits<double>::infinity();
   std::vector<Link> links_;
-  std::optional<Message> control_;  // the last odometry
-  Pose2 since_scan_;
-  Pose2 since_sightings_;           // that were evidence
-  std::size_t most_sightings_ = 0;  // of one stamp since then
-  std::set<Id> named_;              // that were seen since then
+  std::optional<Message> control_;        // the last odometry
+  internal::PerLaser<Pose2> since_scan_;  // that was used
+  Pose2 since_sightings_;                 // that were evidence
+  std::size_t most_sightings_ = 0;        // of one stamp since then
+  std::set<Id> named_;                    // that were seen since then
   double since_ranges_m_ = 0.0;
   Vector<2> ranged_at_ = Vector<2>::Zero();  // where links_ began, without odometry
-  bool scanned_ = false;
   bool moves_ = false;
   double range_noise_ = 1.0;     // variance of ranges over the stated one, as they scatter
   double position_noise_ = 1.0;  // the same of position fixes

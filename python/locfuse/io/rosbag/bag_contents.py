@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from locfuse.config.ros import Ros, plain
+from locfuse.config.ros import Ros
 from locfuse.io.rosbag.bag_settings import Settings
 from locfuse.io.rosbag.columns import Blocks
+from locfuse.io.rosbag.decode import Mount
 from locfuse.io.rosbag.fixes import Fixes
 from locfuse.io.rosbag.frames import FrameTree
 from locfuse.types import GridMap, Log
@@ -21,18 +22,14 @@ LONGEST = 300  # letters of a reason
 
 
 class Laser(NamedTuple):
-    """Geometry of scans [m, rad]: of the first one, its reach that of all.
+    """Geometry of the scans in a frame [m, rad]: of the first one, its reach that of all."""
 
-    `bright` is whether that one has intensities.
-    """
-
-    frame: str
     angle_min: float
     angle_increment: float
     range_min: float
     range_max: float
     time_increment: float
-    bright: bool
+    mount: Mount | None  # where the frame does not say it
 
 
 @dataclass
@@ -62,7 +59,8 @@ class BagContents:
     counts: dict[str, int] = field(default_factory=dict)
     settings: Settings | None = None
     grid: GridMap | None = None
-    laser: Laser | None = None
+    lasers: dict[str, Laser] = field(default_factory=dict)  # by frame
+    bright: bool | None = None  # whether the first scan has intensities
     saturated: set[float] = field(default_factory=set)  # readings taken for no return [m]
     tag_frames: dict[str, str] = field(default_factory=dict)
     sight_frame: str | None = None
@@ -104,5 +102,5 @@ class BagContents:
 
     def skip_all(self, key: str, why: str) -> None:
         """Leave out all messages of a topic after all."""
-        topic = plain(getattr(self.ros.topics, key) or key)
-        self.skip(topic, why, self.counts.pop(topic, 1))
+        for topic in self.ros.topics.of(key) or (key,):
+            self.skip(topic, why, self.counts.pop(topic, 1))

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.log_folder import MESSAGES
-from locfuse.io.rosbag.bag_contents import BagContents
+from locfuse.io.rosbag.bag_contents import BagContents, Laser
 from locfuse.io.rosbag.decode import MessageError, decimal
+from locfuse.io.rosbag.frames import laser_mount, two_of_one
 from locfuse.types import Log
 
 Columns = dict[str, NDArray[Any]]
@@ -23,9 +26,7 @@ def log_of(contents: BagContents, tables: dict[str, Columns]) -> Log | None:
         if stem in world:
             tables[stem] = dict(world[stem])
     tags = {**_tags(contents, described.get("tags", {}), world), **world.tags}
-    laser = _laser(contents, tables.get("scans", {}), described.get("laser"), world)
-    if laser is None and "scans" in tables:
-        tables.pop("scans")
+    lasers = _place_lasers(contents, tables, described)
     if "odometry" in tables and not _are_of_body(contents):
         tables.pop("odometry")
     if not any(len(tables[stem]["stamp_ns"]) for stem in MESSAGES if stem in tables):
@@ -35,7 +36,7 @@ def log_of(contents: BagContents, tables: dict[str, Columns]) -> Log | None:
     return Log(
         tables=tables,
         tags=tags,
-        laser=laser,
+        **lasers,
         map=name if grid is not None else None,
         grid=grid,
         description=described.get("description", ""),
@@ -45,33 +46,69 @@ def log_of(contents: BagContents, tables: dict[str, Columns]) -> Log | None:
     )
 
 
-def _laser(contents: BagContents, scans: Columns, described: Any, world: Log) -> Any:
-    if contents.laser is None:
-        return described or world.laser
-    frame, start, increment, nearest, farthest, each, _ = contents.laser
-    geometry = {"angle_min_rad": start, "angle_increment_rad": increment,
-                "range_min_m": nearest, "range_max_m": farthest}  # fmt: skip
-    if each:
-        geometry["time_increment_s"] = each
+def _place_lasers(
+    contents: BagContents, tables: dict[str, Columns], described: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return ``laser`` or ``lasers`` of a log, which then has no scan whose laser has no place."""
+    scans, world = tables.get("scans", {}), contents.world
+    if not contents.lasers:
+        return {key: described.get(key) or getattr(world, key) or none
+                for key, none in (("laser", None), ("lasers", {}))}  # fmt: skip
+    first, *others = contents.lasers
+    rows = len(scans.get("stamp_ns", ()))
+    names = scans.pop("laser") if "laser" in scans else np.full(rows, first)
+    placed: dict[str, Any] = {}
+    for frame, laser in contents.lasers.items():
+        own = described.get("lasers", {}).get(frame, described.get("laser"))
+        try:
+            if world.laser is not None and frame != first:
+                raise MessageError(two_of_one(first, frame))
+            placed[frame] = _placed(contents, frame, laser, own, scans, names == frame)
+        except MessageError as error:
+            if others:
+                contents.warn(f"scans of {frame or 'a frame without name'} are left out: {error}")
+            else:
+                contents.skip_all("scans", f"{error}")
+    there = np.isin(names, list(placed))
+    if not there.any():
+        tables.pop("scans", None)
+        return {"laser": next(iter(placed.values()), None)}
+    tables["scans"] = {key: values[there] for key, values in scans.items()}
+    if len(placed) == 1:
+        return {"laser": next(iter(placed.values()))}
+    tables["scans"] = {"stamp_ns": tables["scans"]["stamp_ns"], "laser": names[there],
+                       **tables["scans"]}  # fmt: skip
+    return {"lasers": placed}
+
+
+def _placed(
+    contents: BagContents,
+    frame: str,
+    laser: Laser,
+    described: Any,
+    scans: Columns,
+    rows: NDArray[np.bool_],
+) -> dict[str, Any]:
+    """Return a laser where its frame is; of one head down, angles of `rows` are turned round.
+
+    Raises MessageError where nothing says where it is.
+    """
+    geometry = {"angle_min_rad": laser.angle_min, "angle_increment_rad": laser.angle_increment,
+                "range_min_m": laser.range_min, "range_max_m": laser.range_max}  # fmt: skip
+    if laser.time_increment:
+        geometry["time_increment_s"] = laser.time_increment
     if described is not None and all(decimal(described.get(key, 0.0)) == value
                                 for key, value in geometry.items()):  # fmt: skip
         return dict(described)
-    try:
-        if world.laser is not None:
-            pose = list(world.laser["pose_in_body"])
-            flipped = float(world.laser["angle_increment_rad"]) * increment < 0.0  # head down
-        else:
-            x, y, _, heading = contents.tree.mount(frame)
-            pose, flipped = [x, y, heading], contents.tree.upside_down(frame)
-    except MessageError as error:
-        contents.skip_all("scans", f"{error}")
-        return None
+    pose, flipped = laser.mount, False
+    if pose is None:
+        pose, flipped = laser_mount(contents.world, contents.tree, frame, laser.angle_increment)
     if flipped:
-        geometry |= {"angle_min_rad": -start, "angle_increment_rad": -increment}
-        for name in ("angle_min_rad", "angle_increment_rad"):
-            if name in scans:
-                scans[name] = -scans[name]
-    return {"pose_in_body": pose, **geometry}
+        geometry |= {key: -geometry[key] for key in ("angle_min_rad", "angle_increment_rad")}
+        for key in ("angle_min_rad", "angle_increment_rad"):
+            if key in scans:
+                scans[key] = np.where(rows, -scans[key], scans[key])
+    return {"pose_in_body": [pose.x, pose.y, pose.heading], **geometry}
 
 
 def _are_of_body(contents: BagContents) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from locfuse.config.ros import Ros, plain
 from locfuse.io.log_folder import MAX_RANGE_M, MAX_SPEED_MPS, MAX_STAMP_NS, MAX_TURN_RATE_RADPS
-from locfuse.io.rosbag import bag_settings, decode, rows
+from locfuse.io.rosbag import bag_settings, clouds, decode, rows
 from locfuse.io.rosbag.bag_contents import BagContents, Laser, logger
 from locfuse.io.rosbag.bag_log import log_of
 from locfuse.io.rosbag.bag_stream import Bag
@@ -23,9 +23,9 @@ from locfuse.io.rosbag.bag_tables import tables_of
 from locfuse.io.rosbag.bag_warnings import nothing, say
 from locfuse.io.rosbag.columns import Blocks
 from locfuse.io.rosbag.container import Connection, NeedError
-from locfuse.io.rosbag.decode import MessageError, RangeRow
+from locfuse.io.rosbag.decode import MessageError, RangeRow, ScanRow
 from locfuse.io.rosbag.fields import OtherMessages
-from locfuse.io.rosbag.frames import check_frame
+from locfuse.io.rosbag.frames import check_frame, sensor_pose
 from locfuse.io.rosbag.rows import Row
 from locfuse.io.rosbag.wire import broken, deserializer
 from locfuse.types import Log, LogError
@@ -34,6 +34,7 @@ Progress = Callable[[int, int], None]
 Reader = Callable[[Any, str], Sequence[Row]]  # rows of a message on a topic
 
 MAX_DEFINITIONS = 1 << 17  # letters of all that are used: 15,000 fields take 20 s
+MAX_LASERS = 16  # a frame that changes from scan to scan is no laser
 MAX_TRANSFORMS = 20_000  # messages on tf that are searched for a mount that tf_static lacks
 
 
@@ -96,10 +97,10 @@ class _BagReader:
         self.contents = contents
         self.deserializers: dict[Connection, Callable[[bytes], Any] | None] = {}
         self.letters = 0  # of definitions
+        self.has_searched = False  # for where a cloud is
         ros = contents.ros
         self.others = OtherMessages(ros)
         self.single_ranges = set(map(plain, ros.range_topics))
-        topics = {key: plain(topic) for key, topic in vars(ros.topics).items() if topic}
         self.readers: dict[str, tuple[str, Reader]] = {  # table and reader by topic
             "tf_static": ("", self._transforms),
             bag_settings.TOPIC: ("", self._settings),
@@ -108,8 +109,7 @@ class _BagReader:
         world: dict[str, Reader] = {"map": self._map, "anchors": partial(self._points, "anchors"),
                                     "landmarks": partial(self._points, "landmarks")}  # fmt: skip
         for key, reader in world.items():
-            if key in topics:
-                self.readers[topics[key]] = "", reader
+            self.readers |= dict.fromkeys(ros.topics.of(key), ("", reader))
         for topic, anchor in ros.range_topics.items():
             self.readers[plain(topic)] = "ranges", partial(self._range_of, anchor)
         for key, reader in (
@@ -123,8 +123,7 @@ class _BagReader:
             ("landmark_sightings", self._sightings),
             ("altitudes", self._altitude),
         ):
-            if key in topics:
-                self.readers[topics[key]] = key, reader
+            self.readers |= dict.fromkeys(ros.topics.of(key), (key, reader))
 
     def read(self, bag: Bag) -> None:
         """Read all messages of the topics that have a reader."""
@@ -185,15 +184,22 @@ class _BagReader:
     def find_mounts(self, bag: Bag) -> None:
         """Search tf for mounts that tf_static does not have: ROS 1 may publish them there."""
         contents = self.contents
-        frames = {contents.sight_frame, *contents.tag_frames.values(), *contents.antennas}
-        if contents.laser is not None:
-            frames.add(contents.laser.frame)
+        frames = {
+            contents.sight_frame,
+            *contents.tag_frames.values(),
+            *contents.antennas,
+            *(frame for frame, laser in contents.lasers.items() if laser.mount is None),
+        }
         missing = {frame for frame in frames if frame and frame not in contents.tree}
-        if not missing or contents.settings or not any(c.topic == "tf" for c in bag.counts):
-            return
+        if missing and not contents.settings and any(c.topic == "tf" for c in bag.counts):
+            self._search_transforms(missing, ("tf",))
+
+    def _search_transforms(self, missing: set[str], topics: tuple[str, ...]) -> None:
+        """Take transforms from anywhere in the bag until they place all these frames."""
+        contents = self.contents
         moving = plain(contents.ros.frames.odom), plain(contents.ros.frames.map)
         unusable: tuple[type[Exception], ...] = (MessageError, *broken())
-        again = Bag(contents.path).messages(lambda connection: connection.topic == "tf")
+        again = Bag(contents.path).messages(lambda connection: connection.topic in topics)
         for connection, _, data in islice(again, MAX_TRANSFORMS):
             deserialize = self._deserializer(connection)
             if deserialize is None or all(frame in contents.tree for frame in missing):
@@ -230,27 +236,36 @@ class _BagReader:
                  "v_mps": row.v, "v_left_mps": row.left, "omega_radps": row.omega}]  # fmt: skip
 
     def _scan(self, message: Any, _: str) -> list[Row]:
-        row = decode.scan(message)
-        laser = Laser(*row[1:6], row.time_increment, row.intensities is not None)
-        before = self.contents.laser
-        if before is None:
-            before = laser
-        elif laser.frame != before.frame:
-            raise MessageError(f"the scan is in frame {laser.frame!r}, the first in "
-                               f"{before.frame!r}: a log has one laser")  # fmt: skip
-        self.contents.laser = before._replace(
-            range_min=min(before.range_min, laser.range_min),
-            range_max=max(before.range_max, laser.range_max),
+        row = self._cloud(message) if clouds.is_cloud(message) else decode.scan(message)
+        lasers = self.contents.lasers
+        if row.frame not in lasers and len(lasers) == MAX_LASERS:
+            raise MessageError(f"the scan is in frame {row.frame!r}, but {MAX_LASERS} other lasers "
+                               "have come before")  # fmt: skip
+        before = lasers.setdefault(row.frame, Laser(*row[2:6], row.time_increment, row.mount))
+        lasers[row.frame] = before._replace(
+            range_min=min(before.range_min, row.range_min),
+            range_max=max(before.range_max, row.range_max),
         )
+        if self.contents.bright is None:
+            self.contents.bright = row.intensities is not None
         if row.saturated is not None:
             self.contents.saturated.add(row.saturated)
-        found: Row = {"stamp_ns": row.stamp_ns, "beams": float(len(row.ranges)),
-                      "angle_min_rad": row.angle_min, "angle_increment_rad": row.angle_increment,
+        found: Row = {"stamp_ns": row.stamp_ns, "laser": row.frame,
+                      "beams": float(len(row.ranges)), "angle_min_rad": row.angle_min,
+                      "angle_increment_rad": row.angle_increment,
                       "ranges_m": row.ranges}  # fmt: skip
-        if before.bright:
+        if self.contents.bright:
             unknown = np.full(len(row.ranges), np.nan)
             found["intensities"] = unknown if row.intensities is None else row.intensities
         return [found]
+
+    def _cloud(self, message: Any) -> ScanRow:
+        frame, contents = clouds.frame_of(message), self.contents
+        if frame not in contents.tree and not self.has_searched:
+            self.has_searched = True  # transforms may come after the first cloud
+            self._search_transforms({frame}, ("tf_static", "tf"))
+        pose = sensor_pose(contents.world, contents.tree, frame)
+        return clouds.scan_of(message, pose, contents.ros.cloud_heights_m)
 
     def _ranges(self, message: Any, topic: str) -> list[Row]:
         ros, errors = self.contents.ros, list[MessageError]()

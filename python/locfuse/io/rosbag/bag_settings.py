@@ -36,8 +36,9 @@ class Settings:
 def text_of(log: Log, shift_ns: int) -> str:
     """Return the text that `settings_of` reads."""
     given = {"tags": {name: list(at) for name, at in log.tags.items()}, "laser": log.laser,
-            "landmark_sensor": log.landmark_sensor, "map": log.map if log.grid else None,
-            "description": log.description, "licence": log.licence}  # fmt: skip
+            "lasers": dict(log.lasers), "landmark_sensor": log.landmark_sensor,
+            "map": log.map if log.grid else None, "description": log.description,
+            "licence": log.licence}  # fmt: skip
     data = {
         "format": FORMAT,
         "shift_ns": shift_ns,

@@ -183,9 +183,11 @@ def _table_scans(contents: BagContents, raw: Columns) -> Columns:
     """Return scans, each with its own geometry where that is not the same for all."""
     if contents.saturated:
         contents.warn(saturated_readings(contents.saturated))
-    own = {name: raw[name] for name in GEOMETRY}
-    if all((values == values[0]).all() for values in own.values()):
-        return {name: values for name, values in raw.items() if name not in own}
+    names = raw.pop("laser") if len(contents.lasers) == 1 else raw["laser"]
+    _, first, of = np.unique(names, return_index=True, return_inverse=True)
+    beams, *angles = (raw[name] for name in GEOMETRY)
+    if (beams == beams[0]).all() and all((own == own[first][of]).all() for own in angles):
+        return {name: values for name, values in raw.items() if name not in GEOMETRY}
     return raw
 
 

@@ -38,13 +38,13 @@ def say(contents: BagContents, bag: Bag) -> None:
 
 def _say_of_two_voices(contents: BagContents, bag: Bag) -> None:
     """Say where several nodes, or bodies, are taken for one sensor."""
-    for key in ONE_VOICE:
-        topic = plain(getattr(contents.ros.topics, key) or "")
-        nodes = sorted({c.publisher for c in bag.counts if c.topic == topic and c.publisher})
+    for key in ONE_VOICE if len(contents.lasers) < 2 else ONE_VOICE[:1]:
         bodies = sorted(contents.bodies) if key == "odometry" else []
-        for many, names in (("publishers", nodes), ("child frames", bodies)):
-            if len(names) > 1:
-                contents.warn(f"{topic} has {len(names)} {many}, {' and '.join(names)}, whose "
+        for topic in contents.ros.topics.of(key):
+            nodes = sorted({c.publisher for c in bag.counts if c.topic == topic and c.publisher})
+            for many, names in (("publishers", nodes), ("child frames", bodies)):
+                if len(names) > 1:
+                    contents.warn(f"{topic} has {len(names)} {many}, {' and '.join(names)}, whose "
                            "messages are taken for those of one sensor; give each a topic, or "
                            "record one")  # fmt: skip
 
@@ -52,14 +52,15 @@ def _say_of_two_voices(contents: BagContents, bag: Bag) -> None:
 def _silent(contents: BagContents, bag: Bag) -> Iterator[tuple[str, str]]:
     there = {connection.topic for connection in bag.counts}
     for key in (*TYPES, "altitudes", "anchors", "landmarks", "truth"):
-        topic = getattr(contents.ros.topics, key)
-        if topic is not None and plain(topic) not in there:
-            yield key, plain(topic)
+        for topic in contents.ros.topics.of(key):
+            if topic not in there:
+                yield key, topic
 
 
 def _advice(contents: BagContents, key: str, bag: Bag) -> str:
     """Return which topics have the type that one without messages should have."""
-    configured = {plain(t) for t in vars(contents.ros.topics).values() if t is not None}
+    topics = contents.ros.topics
+    configured = {name for one in ros.Topics.model_fields for name in topics.of(one)}
     types = ros.types_of(key) if key in TYPES else ()
     others = {c.topic: c.type for c in bag.counts
               if c.type in types and c.topic not in configured}  # fmt: skip

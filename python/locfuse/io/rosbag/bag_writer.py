@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.config.ros import Ros, plain
+from locfuse.config.ros import Ros, Topics
 from locfuse.io.rosbag import bag_settings, encode, publications
 from locfuse.io.rosbag.bag_files import bag_sink
 from locfuse.io.rosbag.encode import Publication
@@ -76,7 +76,9 @@ class _BagStreams:
             raise LogError(f"a stamp of {last // NANOSECONDS} s is beyond the time of ROS, which "
                            f"ends {END_S} s after it began")  # fmt: skip
         self.begin = first + self.shift
-        topics = {key: name and plain(name) for key, name in ros.topics}
+        given = {key: ros.topics.of(key) for key in Topics.model_fields}
+        topics = {key: list(names) if len(names) > 1 else next(iter(names), None)
+                  for key, names in given.items()}  # fmt: skip
         self.ros = ros.model_copy(update={"topics": ros.topics.model_copy(update=topics)})
         self.given = publications.LogPublications(self.log, self.ros, self.shift, everything=True)
 

@@ -53,7 +53,7 @@ class MessageError(ValueError):
     """A message cannot mean anything; the text says what is wrong with which field."""
 
 
-def _is(expected: str) -> Callable[[Callable[P, Row]], Callable[P, Row]]:
+def is_message(expected: str) -> Callable[[Callable[P, Row]], Callable[P, Row]]:
     """Have a function say that its message is no such one, where a field is missing or another."""
 
     def of(read: Callable[P, Row]) -> Callable[P, Row]:
@@ -94,11 +94,21 @@ class ImuRow(NamedTuple):
     force: tuple[float, ...] | None
 
 
+class Mount(NamedTuple):
+    """Pose of a frame in the body: metres and radians."""
+
+    x: float
+    y: float
+    z: float
+    heading: float
+
+
 class ScanRow(NamedTuple):
     """A turn of a laser: `ranges` [m] and `intensities`, float64 (beams,), NaN for no return.
 
     `stamp_ns` is that of the middle beam; `saturated` [m] is a reading that many beams share, taken
-    for no return, where there is one; `time_increment` [s] is from one beam to the next.
+    for no return, where there is one; `time_increment` [s] is from one beam to the next. `mount`
+    is where the beams begin in the body, where that is not the frame, but upright.
     """
 
     stamp_ns: int
@@ -111,6 +121,7 @@ class ScanRow(NamedTuple):
     intensities: FloatArray | None
     saturated: float | None = None
     time_increment: float = 0.0
+    mount: Mount | None = None
 
 
 def half_sweep_ns(beams: int, time_increment: float) -> int:
@@ -219,7 +230,7 @@ def stamp_ns(stamp: Any) -> int:
     return int(seconds) * NANOSECONDS + int(rest)
 
 
-@_is("nav_msgs/Odometry")
+@is_message("nav_msgs/Odometry")
 def odometry(message: Any, use: str = "pose") -> OdometryRow:
     """Return what a nav_msgs/Odometry says.
 
@@ -243,7 +254,7 @@ def odometry(message: Any, use: str = "pose") -> OdometryRow:
     left = float(twist.linear.y)  # NaN where a driver does not measure it
     left = left if math.isfinite(left) else 0.0
     x, y, z = float(at.x), float(at.y), float(at.z)
-    stamp = _stamped(header)
+    stamp = stamped(header)
     if use == "pose":
         _finite((x, "pose.position.x"), (y, "pose.position.y"))
         heading = heading_of(pose.orientation)
@@ -254,7 +265,7 @@ def odometry(message: Any, use: str = "pose") -> OdometryRow:
                        left)  # fmt: skip
 
 
-@_is("sensor_msgs/Imu")
+@is_message("sensor_msgs/Imu")
 def imu(message: Any) -> ImuRow:
     """Return what a sensor_msgs/Imu says; a covariance of -1 first marks what is not measured.
 
@@ -263,7 +274,7 @@ def imu(message: Any) -> ImuRow:
     rate, force = (tuple(float(getattr(vector, axis)) for axis in "xyz")
                    for vector in (message.angular_velocity, message.linear_acceleration)
                    )  # fmt: skip
-    stamp = _stamped(message.header)
+    stamp = stamped(message.header)
     if float(message.angular_velocity_covariance[0]) == -1.0:
         raise MessageError("angular_velocity is marked as not measured (covariance -1)")
     _finite(*((value, f"angular_velocity.{axis}") for value, axis in zip(rate, "xyz", strict=True)))
@@ -289,7 +300,7 @@ def heading_of(quaternion: Any) -> float:
     return float(_core.wrap_angle(math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)))
 
 
-@_is("sensor_msgs/LaserScan")
+@is_message("sensor_msgs/LaserScan")
 def scan(message: Any) -> ScanRow:
     """Return what a sensor_msgs/LaserScan says.
 
@@ -307,7 +318,7 @@ def scan(message: Any) -> ScanRow:
     bright = np.asarray(message.intensities, np.float32)
     geometry = tuple(decimal(getattr(message, key)) for key in
                      ("angle_min", "angle_increment", "range_min", "range_max"))  # fmt: skip
-    stamp = _stamped(header)
+    stamp = stamped(header)
     start, increment, nearest, farthest = geometry
     _finite((start, "angle_min"), (increment, "angle_increment"))
     if len(given) == 0:
@@ -384,7 +395,7 @@ def decimals(values: NDArray[np.float32]) -> FloatArray:
     return found
 
 
-@_is("locfuse_msgs/UwbRanges, UwbRange or UwbData")
+@is_message("locfuse_msgs/UwbRanges, UwbRange or UwbData")
 def ranges(
     message: Any,
     unit: str = "m",
@@ -473,7 +484,7 @@ def _uwb_data(
     return _each((partial(row, *one) for one in each), on_error)
 
 
-@_is("sensor_msgs/Range")
+@is_message("sensor_msgs/Range")
 def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
     """Return what a sensor_msgs/Range says, on a topic of one anchor; None out of its reach.
 
@@ -481,7 +492,7 @@ def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
     """
     header, distance = message.header, decimal(message.range)
     nearest, farthest = decimal(message.min_range), decimal(message.max_range)
-    stamp = _stamped(header)
+    stamp = stamped(header)
     if math.isinf(distance) or (farthest > 0.0 and not nearest <= distance <= farthest
                                 and not math.isnan(distance)):  # fmt: skip
         return None
@@ -489,7 +500,7 @@ def range_of(message: Any, tag: str, anchor: str) -> RangeRow | None:
     return RangeRow(stamp, tag, anchor, distance, None, plain(header.frame_id))
 
 
-@_is("geometry_msgs/PoseWithCovarianceStamped")
+@is_message("geometry_msgs/PoseWithCovarianceStamped")
 def pose(message: Any, *, is_stamped: bool = True) -> PoseRow:
     """Return what a geometry_msgs/PoseWithCovarianceStamped says.
 
@@ -499,7 +510,7 @@ def pose(message: Any, *, is_stamped: bool = True) -> PoseRow:
     header, at = message.header, message.pose.pose.position
     x, y, orientation = float(at.x), float(at.y), message.pose.pose.orientation
     given = np.array(message.pose.covariance, np.float64)
-    stamp = _stamped(header) if is_stamped else stamp_ns(header.stamp)
+    stamp = stamped(header) if is_stamped else stamp_ns(header.stamp)
     _finite((x, "pose.position.x"), (y, "pose.position.y"))
     if given.size != 36:
         raise MessageError(f"the covariance has {given.size} elements, expected 36")
@@ -509,7 +520,7 @@ def pose(message: Any, *, is_stamped: bool = True) -> PoseRow:
     return PoseRow(stamp, plain(header.frame_id), x, y, heading_of(orientation), covariance)
 
 
-@_is("nav_msgs/Odometry, geometry_msgs/PoseStamped or PointStamped")
+@is_message("nav_msgs/Odometry, geometry_msgs/PoseStamped or PointStamped")
 def truth(message: Any) -> TruthRow:
     """Return what a reference says: a nav_msgs/Odometry, PoseStamped or PointStamped.
 
@@ -521,13 +532,13 @@ def truth(message: Any) -> TruthRow:
         at = message.pose if hasattr(message.pose, "position") else message.pose.pose
         given, orientation = at.position, at.orientation
     x, y, z = float(given.x), float(given.y), float(given.z)
-    stamp = _stamped(header)
+    stamp = stamped(header)
     _finite((x, "x"), (y, "y"), (z, "z"))
     heading = math.nan if orientation is None else heading_of(orientation)
     return TruthRow(stamp, x, y, z, heading, plain(header.frame_id))
 
 
-@_is("nav_msgs/Path of two poses")
+@is_message("nav_msgs/Path of two poses")
 def relation(message: Any) -> tuple[int, int, float, float, float]:
     """Return begin, end, dx, dy and dheading of a nav_msgs/Path of two poses, the first at 0.
 
@@ -541,7 +552,7 @@ def relation(message: Any) -> tuple[int, int, float, float, float]:
     return found
 
 
-@_is("sensor_msgs/NavSatFix or locfuse_msgs/TagPosition")
+@is_message("sensor_msgs/NavSatFix or locfuse_msgs/TagPosition")
 def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
     """Return what a sensor_msgs/NavSatFix or a locfuse_msgs/TagPosition says; None without a fix.
 
@@ -557,7 +568,7 @@ def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
     covariance = np.array(message.position_covariance, np.float64)
     if status < 0:
         return None
-    stamp = _stamped(header)
+    stamp = stamped(header)
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0):
         raise MessageError(f"latitude and longitude are {latitude:g} and {longitude:g}; expected "
                            "degrees")  # fmt: skip
@@ -576,7 +587,7 @@ def fix(message: Any, origin: Origin | None = None) -> FixRow | None:
 
 
 def _tag_position(message: Any) -> FixRow:
-    stamp = _stamped(message.header)
+    stamp = stamped(message.header)
     x, y, sigma = float(message.position.x), float(message.position.y), float(message.sigma)
     _finite((x, "position.x"), (y, "position.y"))
     if not (0.0 <= sigma < math.inf or sigma == -1.0):
@@ -584,7 +595,7 @@ def _tag_position(message: Any) -> FixRow:
     return FixRow(stamp, x, y, sigma, str(message.tag), plain(message.header.frame_id))
 
 
-@_is("locfuse_msgs/LandmarkSightings or LandmarkSighting")
+@is_message("locfuse_msgs/LandmarkSightings or LandmarkSighting")
 def sightings(message: Any) -> list[SightingRow]:
     """Return what a LandmarkSightings or a LandmarkSighting says.
 
@@ -627,7 +638,7 @@ def _sighting(message: Any, outer: int, frame: str) -> SightingRow:
                        elevation if has_elevation else None, given[2])  # fmt: skip
 
 
-@_is("sensor_msgs/Range, geometry_msgs/PoseWithCovarianceStamped or PointStamped")
+@is_message("sensor_msgs/Range, geometry_msgs/PoseWithCovarianceStamped or PointStamped")
 def altitude(message: Any) -> AltitudeRow | None:
     """Return what an altimeter says: a Range down to z = 0, or z of a pose or a point in world.
 
@@ -637,7 +648,7 @@ def altitude(message: Any) -> AltitudeRow | None:
     if hasattr(message, "range"):
         down = range_of(message, "", "the ground")
         return None if down is None else AltitudeRow(down.stamp_ns, down.range_m, None, "")
-    stamp, frame = _stamped(message.header), plain(message.header.frame_id)
+    stamp, frame = stamped(message.header), plain(message.header.frame_id)
     if hasattr(message, "point"):
         z, variance = float(message.point.z), 0.0
     else:
@@ -650,7 +661,7 @@ def altitude(message: Any) -> AltitudeRow | None:
     return AltitudeRow(stamp, z, min(math.sqrt(variance), NOT_MEASURED_M) if known else None, frame)
 
 
-@_is("nav_msgs/OccupancyGrid")
+@is_message("nav_msgs/OccupancyGrid")
 def grid(message: Any) -> GridMap:
     """Return the map that a nav_msgs/OccupancyGrid holds, in world coordinates.
 
@@ -688,7 +699,7 @@ def grid(message: Any) -> GridMap:
     return GridMap(cells.reshape(height, width), resolution, (x, y, yaw))
 
 
-@_is("locfuse_msgs/NamedPoints")
+@is_message("locfuse_msgs/NamedPoints")
 def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
     """Return names, points (n, 3) and radii (n,) or None of a locfuse_msgs/NamedPoints.
 
@@ -712,7 +723,7 @@ def points(message: Any) -> tuple[list[str], FloatArray, FloatArray | None]:
     return names, at, radii if len(radii) else None
 
 
-@_is("tf2_msgs/TFMessage")
+@is_message("tf2_msgs/TFMessage")
 def transforms(message: Any) -> list[TransformRow]:
     """Return what a tf2_msgs/TFMessage or a geometry_msgs/TransformStamped says.
 
@@ -736,7 +747,7 @@ def _transform(message: Any) -> TransformRow:
     return TransformRow(parent, child, *where, quaternion)
 
 
-@_is("stamped message")
+@is_message("stamped message")
 def frame_of(message: Any) -> str:
     """Return the frame that a message is in.
 
@@ -745,7 +756,7 @@ def frame_of(message: Any) -> str:
     return str(message.header.frame_id)
 
 
-def _stamped(header: Any) -> int:
+def stamped(header: Any) -> int:
     stamp = stamp_ns(header.stamp)
     _after_zero(stamp)
     return stamp

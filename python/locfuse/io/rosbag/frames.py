@@ -11,20 +11,11 @@ import numpy as np
 
 from locfuse import _core
 from locfuse.config.ros import plain
-from locfuse.io.rosbag.decode import MessageError, TransformRow, heading_of
-from locfuse.types import FloatArray
+from locfuse.io.rosbag.decode import MessageError, Mount, TransformRow, heading_of
+from locfuse.types import FloatArray, Log
 
 MIN_UPRIGHT = 0.94  # cosine of 20 degrees: what is tilted more is no sensor of a plane
 SAME_M, SAME_RAD = 1e-3, 1e-3  # up to which two frames of the plane are one
-
-
-class Mount(NamedTuple):
-    """Pose of a frame in the body: metres and radians."""
-
-    x: float
-    y: float
-    z: float
-    heading: float
 
 
 class _Quaternion(NamedTuple):
@@ -70,7 +61,7 @@ class FrameTree:
         row = self._rows.get(plain(frame))
         if row is not None and row.parent == self.base:  # as published, to the last bit
             return Mount(row.x, row.y, row.z, heading_of(_Quaternion(*row.quaternion)))
-        pose = self._pose(frame)
+        pose = self.pose(frame)
         heading = float(_core.wrap_angle(math.atan2(pose[1, 0], pose[0, 0])))
         return Mount(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]), heading)
 
@@ -79,7 +70,7 @@ class FrameTree:
 
         Raises MessageError as `mount`; or if the sensor does not look into the plane.
         """
-        up = float(self._pose(frame)[2, 2])
+        up = float(self.pose(frame)[2, 2])
         if abs(up) < MIN_UPRIGHT:
             tilt = np.degrees(np.arccos(abs(up)))
             raise MessageError(f"{plain(frame)} is tilted by {tilt:.0f} deg against {self.base}; "
@@ -108,7 +99,8 @@ class FrameTree:
             )
         return ""
 
-    def _pose(self, frame: str) -> FloatArray:
+    def pose(self, frame: str) -> FloatArray:
+        """Return the pose of a frame in the body, shape (4, 4); MessageError as `mount`."""
         found = self._in_body(plain(frame))
         if found is None:
             raise MessageError(
@@ -137,6 +129,37 @@ class FrameTree:
             pose = _matrix(row) @ pose
             found[frame] = pose
         return found
+
+
+def laser_mount(world: Log, tree: FrameTree, frame: str, increment: float) -> tuple[Mount, bool]:
+    """Return where the laser of a scan sits, and whether head down.
+
+    What a world says of `frame`, or of its only laser, counts more than transforms. `increment` is
+    the angle between two beams, as the scan has it [rad]. Raises MessageError if nothing says where
+    it sits, or it does not look into the plane.
+    """
+    given = world.lasers.get(frame, world.laser)
+    if given is not None:
+        x, y, heading = map(float, given["pose_in_body"])
+        return Mount(x, y, 0.0, heading), float(given["angle_increment_rad"]) * increment < 0.0
+    return tree.mount(frame), tree.upside_down(frame)
+
+
+def sensor_pose(world: Log, tree: FrameTree, frame: str) -> FloatArray:
+    """Return the pose (4, 4) in the body of the sensor of a cloud, as `laser_mount`."""
+    given = world.lasers.get(frame, world.laser)
+    if given is None:
+        return tree.pose(frame)
+    x, y, heading = map(float, given["pose_in_body"])
+    half = 0.5 * heading
+    turn = (0.0, 0.0, math.sin(half), math.cos(half))
+    return _matrix(TransformRow(tree.base, frame, x, y, 0.0, turn))
+
+
+def two_of_one(first: str, other: str) -> str:
+    """Return why scans of another frame have no place where the world has one laser."""
+    return (f"scans come in the frames {first!r} and {other!r}, but the world places one laser; "
+            "give each in 'lasers' of its log.yaml")  # fmt: skip
 
 
 def check_frame(what: str, found: str, expected: str) -> None:

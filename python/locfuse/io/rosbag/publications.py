@@ -90,16 +90,17 @@ class LogPublications:
         self._everything = everything
         self.map, self.odom = plain(ros.frames.map), plain(ros.frames.odom)
         self._base = plain(ros.frames.base)
-        taken = {self.map, self.odom, self._base, LASER_FRAME, SIGHT_FRAME}
+        taken = {self.map, self.odom, self._base, LASER_FRAME, SIGHT_FRAME, *log.lasers}
         # A tag's frame is its name, if no other frame is called so.
         self._tags = {tag: f"tag/{tag}" if plain(tag) in taken or not plain(tag) else plain(tag)
                       for tag in log.tags}  # fmt: skip
         self.driven = driven(log["odometry"]) if "odometry" in log else {}
 
     def _topic(self, key: str) -> str | None:
-        topic: str | None = getattr(self._topics, key)
-        if topic is None and self._everything:
-            topic = getattr(Topics(), key)
+        names = getattr(self._topics, key)
+        if names is None and self._everything:
+            names = getattr(Topics(), key)
+        topic: str | None = names[0] if isinstance(names, list) else names
         return topic
 
     def messages(self) -> list[Stream]:
@@ -152,7 +153,7 @@ class LogPublications:
         base = self._base
         found = [encode.transform(stamp_ns, base, self._tags[tag], (x, y, 0.0), z)
                  for tag, (x, y, z) in self._log.tags.items()]  # fmt: skip
-        for frame, sensor in ((LASER_FRAME, self._log.laser),
+        for frame, sensor in ((LASER_FRAME, self._log.laser), *self._log.lasers.items(),
                               (SIGHT_FRAME, self._log.landmark_sensor)):  # fmt: skip
             if sensor is not None:
                 found.append(encode.transform(stamp_ns, base, frame, sensor["pose_in_body"]))
@@ -210,20 +211,26 @@ class LogPublications:
                                           for (stamp, height), sigma in rows))  # fmt: skip
 
     def _scans(self, topic: str, table: Columns) -> Iterator[Stream]:
-        if self._log.laser is None:
+        if not self._log.has_laser:
             raise LogError("the log has scans without laser, so their geometry cannot be published")
         bright = table.get("intensities")
+        frames = table["laser"].tolist() if "laser" in table else repeat(LASER_FRAME)
+        names, lasers = self._topics.scans, list(self._log.lasers)
+        topics: dict[str, str] = {}  # of one topic the frames say which laser it is
+        if isinstance(names, list) and len(names) == len(lasers):
+            topics = dict(zip(lasers, names, strict=True))
 
-        def scan(row: int, stamp: int) -> encode.Publication:
+        def scan(row: int, stamp: int, frame: str) -> encode.Publication:
             laser, beams = self._log.scan_geometry(row)
-            return encode.laser_scan(topic, ScanRow(
-                stamp, LASER_FRAME, laser["angle_min_rad"], laser["angle_increment_rad"],
+            return encode.laser_scan(topics.get(frame, topic), ScanRow(
+                stamp, frame, laser["angle_min_rad"], laser["angle_increment_rad"],
                 laser["range_min_m"], laser["range_max_m"], table["ranges_m"][row, :beams],
                 None if bright is None else bright[row, :beams], None,
                 laser.get("time_increment_s", 0.0),
             ))  # fmt: skip
 
-        yield Stream(table["record_ns"], starmap(scan, enumerate(table["stamp_ns"].tolist())))
+        rows = zip(range(len(table["stamp_ns"])), table["stamp_ns"].tolist(), frames, strict=False)
+        yield Stream(table["record_ns"], starmap(scan, rows))
 
     def _imu(self, topic: str, table: Columns) -> Iterator[Stream]:
         force = FORCES if FORCES[0] in table else ()

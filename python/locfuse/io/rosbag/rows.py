@@ -16,13 +16,13 @@ from locfuse.io.rosbag.decode import (
     FixRow,
     ImuRow,
     MessageError,
+    Mount,
     OdometryRow,
     PoseRow,
     RangeRow,
     ScanRow,
     SightingRow,
 )
-from locfuse.io.rosbag.frames import Mount
 from locfuse.types import NANOSECONDS, FloatArray
 
 Row = dict[str, Any]

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,16 @@ from locfuse.report.player.messages import messages_part
 from locfuse.report.player.parts import Part, encoded, encoded_bytes, shares, table_part
 from locfuse.report.player.world import world_of
 from locfuse.report.text import seconds, start_ns
-from locfuse.types import NANOSECONDS, Columns, FloatArray, Frame, Health, RunResult, Trajectory
+from locfuse.types import (
+    NANOSECONDS,
+    Columns,
+    FloatArray,
+    Frame,
+    Health,
+    Log,
+    RunResult,
+    Trajectory,
+)
 
 MAX_BYTES = 4_000_000  # of a packed run as JSON
 
@@ -95,7 +104,7 @@ def _parts(result: RunResult, particles: Sequence[Frame], origin: int) -> dict[s
         parts["errors"] = _errors(result, origin)
     if result.health is not None and len(result.health):
         parts["health"] = _health(result.health, origin)
-    if "scans" in result.log and result.log.laser is not None:
+    if "scans" in result.log and result.log.has_laser:
         parts["scans"] = _scans(result, origin)
     if particles:
         parts["particles"] = _particles(particles, origin)
@@ -156,45 +165,73 @@ def _health(health: Health, origin: int) -> Part:
 
 
 def _scans(result: RunResult, origin: int) -> Part:
-    """Return the scans in whole centimetres, 0 where a beam has no return."""
-    laser, table = result.log.laser, result.log["scans"]
-    assert laser is not None
-    widest = int(np.argmax(table["beams"])) if "beams" in table else 0
-    geometry, _ = result.log.scan_geometry(widest)
-    ranges = _alike(table, widest)
+    """Return the scans in whole centimetres, 0 where a beam has no return, and of which laser."""
+    table = result.log["scans"]
+    ranges, lasers, of = _regular(result.log)
     n, beams = ranges.shape
-    mount = [float(value) for value in laser["pose_in_body"]]
+    reach = np.array([laser["range_max_m"] for laser in lasers])[of, None]
 
     def packed(max_bytes: int) -> dict[str, Any]:
         most = max(max_bytes * 3 // 4, 1)
-        fine = min(beams, max(_MIN_BEAMS, (most // max(n, 1) - 8) // 2))
+        fine = min(beams, max(_MIN_BEAMS, (most // max(n, 1) - 9) // 2))
         step = -(-beams // fine)
         shown = -(-beams // step)
-        rows = stride(n, min(n, max(2, most // (2 * shown + 8))))
+        rows = _of_each(of, len(lasers), max(2, most // (2 * shown + 9)))
         part = ranges[rows, ::step]
-        hit = np.isfinite(part) & (part > 0.0) & (part < laser["range_max_m"]) & (part < 655.0)
+        hit = np.isfinite(part) & (part > 0.0) & (part < reach[rows]) & (part < 655.0)
         return {
             "of": n,
             "t": encoded(seconds(table["stamp_ns"][rows], origin)),
+            "laser": encoded(of[rows]),
             "ranges_cm": encoded(np.where(hit, np.round(100.0 * part), 0.0).astype(np.uint16)),
-            "angle_min": float(geometry["angle_min_rad"]),
-            "angle_increment": step * float(geometry["angle_increment_rad"]),
-            "mount": mount,
+            "lasers": [
+                {
+                    "angle_min": float(laser["angle_min_rad"]),
+                    "angle_increment": step * float(laser["angle_increment_rad"]),
+                    "mount": [float(value) for value in laser["pose_in_body"]],
+                }
+                for laser in lasers
+            ],
         }
 
-    return Part(encoded_bytes(n * (2 * beams + 8)), packed)
+    return Part(encoded_bytes(n * (2 * beams + 9)), packed)
 
 
-def _alike(scans: Columns, row: int) -> FloatArray:
-    """Return ranges with the geometry of one scan: of others the beam that is nearest."""
-    ranges: FloatArray = scans["ranges_m"]
-    if "beams" not in scans:
-        return ranges
-    count = int(scans["beams"][row])
-    start, step = scans["angle_min_rad"], scans["angle_increment_rad"]
-    angle = start[row] + step[row] * np.arange(count)
-    beam = np.rint((angle - start[:, None]) / step[:, None]).astype(np.intp)
-    there = (beam >= 0) & (beam < scans["beams"][:, None])
+def _of_each(of: NDArray[np.uint8], lasers: int, most: int) -> NDArray[np.intp]:
+    """Return at most so many rows, evenly spaced among those of each laser."""
+    rows = [np.flatnonzero(of == laser) for laser in range(lasers)]
+    kept = [own[stride(len(own), max(2, most // lasers))] for own in rows]
+    return np.sort(np.concatenate(kept))
+
+
+def _regular(log: Log) -> tuple[FloatArray, list[Mapping[str, Any]], NDArray[np.uint8]]:
+    """Return ranges (n, beams), the geometry of each laser, and which one a scan is of, (n,).
+
+    Where scans of a laser differ, its geometry is that of the one with the most beams; the others
+    have for each of these the beam that is nearest.
+    """
+    scans = log["scans"]
+    names = scans.get("laser", np.full(len(scans["stamp_ns"]), ""))
+    own, of = np.unique(names, return_inverse=True)
+    ranges: FloatArray = scans["ranges_m"].copy()
+    lasers = []
+    for laser in range(len(own)):
+        rows = np.flatnonzero(of == laser)
+        widest = rows[int(np.argmax(scans["beams"][rows]))] if "beams" in scans else rows[0]
+        lasers.append(log.scan_geometry(int(widest))[0])
+        if "beams" in scans:
+            ranges[rows] = _nearest_beams(scans, rows, int(widest))
+    return ranges, lasers, of.astype(np.uint8)
+
+
+def _nearest_beams(scans: Columns, rows: NDArray[np.intp], widest: int) -> FloatArray:
+    """Return the ranges of some rows with the geometry of one scan, NaN after its last beam."""
+    ranges, count = scans["ranges_m"][rows], scans["beams"][rows, None]
+    start, step = (scans[key][rows, None] for key in ("angle_min_rad", "angle_increment_rad"))
+    first, width = scans["angle_min_rad"][widest], scans["angle_increment_rad"][widest]
+    at = np.arange(ranges.shape[1])
+    beam = np.rint((first + width * at - start) / step).astype(np.intp)
+    there = (beam >= 0) & (beam < count) & (at < scans["beams"][widest])
     nearest = np.take_along_axis(ranges, np.clip(beam, 0, ranges.shape[1] - 1), axis=1)
     return np.where(there, nearest, np.nan)
 

@@ -637,18 +637,29 @@ globalThis.LocfusePlayer = (() => {
 
     _scan(run, dot, colour) {
       const {scans} = run;
-      const row = row_at(scans.t, this.player.time);
-      if (row < 0 || this.player.time - scans.t[row] > Math.max(1, 3 * scans.step)) return;
+      const {time} = this.player;
+      const drawn = new Set(); // the latest scan of each laser
+      for (let row = row_at(scans.t, time); row >= 0; row--) {
+        if (drawn.size === scans.lasers.length) return;
+        if (time - scans.t[row] > Math.max(1, 3 * scans.lasers.length * scans.step)) return;
+        if (!drawn.has(scans.laser[row])) this._scan_of(run, row, dot, colour);
+        drawn.add(scans.laser[row]);
+      }
+    }
+
+    _scan_of(run, row, dot, colour) {
+      const {scans} = run;
+      const laser = scans.lasers[scans.laser[row]];
       const pose = pose_of(run.estimate, scans.t[row]);
       if (!pose) return;
       const beams = scans.ranges_cm.length / scans.t.length;
-      const [mx, my, mount] = scans.mount;
+      const [mx, my, mount] = laser.mount;
       const [c, s] = [Math.cos(pose.heading), Math.sin(pose.heading)];
       const x = pose.x + c * mx - s * my, y = pose.y + s * mx + c * my;
       for (let k = 0; k < beams; k++) {
         const range = scans.ranges_cm[row * beams + k] / 100;
         if (range === 0) continue;
-        const angle = pose.heading + mount + scans.angle_min + k * scans.angle_increment;
+        const angle = pose.heading + mount + laser.angle_min + k * laser.angle_increment;
         dot(this.sx(x + range * Math.cos(angle)), this.sy(y + range * Math.sin(angle)), colour);
       }
     }

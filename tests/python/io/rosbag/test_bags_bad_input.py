@@ -377,7 +377,9 @@ def test_scans_of_another_laser_are_left_out(
     log = read_bag(write_messages(tmp_path / "d.mcap", given), world=world())
     assert len(log["scans"]["stamp_ns"]) == len(scans) - 1
     (said,) = sentences(caplog)
-    assert "the scan is in frame 'rear', the first in 'laser': a log has one laser" in said
+    assert "scans of rear are left out: no static transform leads from rear to base_link" in said
+    assert log.laser is not None
+    assert "laser" not in log["scans"]
 
 
 def test_sigmas_that_only_some_ranges_bring_are_left_out(
