@@ -124,7 +124,7 @@ bool ScanOdometry::is_in_map(const LaserScan& scan) const {
 /// may fit best where it is not: in a room with two equal ends, turned around.
 ScanMatch ScanOdometry::match(const LaserScan& scan, const Pose2& guess,
                               const Matrix<3, 3>& covariance) const {
-  const ScanMatch found = map_.match(scan, guess, covariance);
+  ScanMatch found = map_.match(scan, guess, covariance);
   if (!found.converged || is_in_map(scan)) {
     return found;
   }
