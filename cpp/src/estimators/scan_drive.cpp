@@ -11,6 +11,8 @@ namespace {
 struct ScanDriveTuning {
   static constexpr double kMeasured = 0.1;  ///< a velocity by scans is measured over so long [s]
   static constexpr Stamp kHold = 1'000'000'000;  ///< wheels that are silent for longer say nothing
+  /// How long a second laser waits for the first to measure a velocity [s].
+  static constexpr double kPatience = 1.0;
   /// How much a body may change its velocity between two scans, where no wheels measure it.
   static constexpr double kSigmaSpeed = 0.5;     ///< [m/s]
   static constexpr double kSigmaTurnRate = 0.5;  ///< [rad/s]
@@ -73,6 +75,10 @@ std::optional<Increment> ScanDrive::on(const LaserScan& scan) {
   }
   const double seconds = seconds_between(*at_, scan.stamp);
   const bool has_wheels = wheels_ && scan.stamp <= *wheels_ + ScanDriveTuning::kHold;
+  if (!has_wheels && !has_twist_ && seconds <= ScanDriveTuning::kPatience &&
+      odometry_.is_of_new_laser(scan)) {
+    return std::nullopt;
+  }
   const Guess guess = has_wheels ? by_wheels(scan.stamp, seconds) : by_scans(seconds);
   const ScanMotion fitted = odometry_.on(scan, guess.motion, guess.covariance);
   Increment found{*at_, scan.stamp, fitted.increment.motion};
@@ -98,6 +104,7 @@ void ScanDrive::follow(const Pose2& motion, double seconds) {
   since_ = since_ * motion;
   seconds_ += seconds;
   if (seconds_ >= ScanDriveTuning::kMeasured) {
+    has_twist_ = true;
     twist_ = rate_of(since_, seconds_);
     since_ = {};
     seconds_ = 0.0;

@@ -17,13 +17,12 @@
 namespace locfuse {
 namespace {
 
+using internal::kMaxLasers;
 using internal::refuse;
 
 constexpr double kMaxWindow = 1e6;   // bound of the poses that LocalMap takes [m]
 constexpr double kMinSigma = 1e-6;   // of odometry [m], [rad]
 constexpr double kRounding = 1e-12;  // magnitude of a negative eigenvalue that may be 0
-// Lasers whose scans join one key scan: of one that moves on the body each scan is another's.
-constexpr std::size_t kMaxLasers = 16;
 // Probability that the guess for a scan whose laser is new to the map is no farther off than this.
 constexpr double kGuessConfidence = 0.999;
 
@@ -114,10 +113,10 @@ bool ScanOdometry::is_late(const LaserScan& scan) const {
                      })));
 }
 
-/// Whether the local map has a scan of the same laser.
-bool ScanOdometry::is_in_map(const LaserScan& scan) const {
-  return std::any_of(window_.begin(), window_.end(),
-                     [&](const PlacedScan& placed) { return are_of_one_laser(placed, scan); });
+bool ScanOdometry::is_of_new_laser(const LaserScan& scan) const {
+  return !window_.empty() &&
+         std::none_of(window_.begin(), window_.end(),
+                      [&](const PlacedScan& placed) { return are_of_one_laser(placed, scan); });
 }
 
 /// Matches a scan with the local map. One whose laser is new to it sees what the map has not, and
@@ -125,7 +124,7 @@ bool ScanOdometry::is_in_map(const LaserScan& scan) const {
 ScanMatch ScanOdometry::match(const LaserScan& scan, const Pose2& guess,
                               const Matrix<3, 3>& covariance) const {
   ScanMatch found = map_.match(scan, guess, covariance);
-  if (!found.converged || is_in_map(scan)) {
+  if (!found.converged || !is_of_new_laser(scan)) {
     return found;
   }
   const Vector<3> off = local(found.pose, guess);
@@ -144,7 +143,7 @@ bool ScanOdometry::becomes_key(const LaserScan& scan, const ScanMatch& match) co
   const bool is_far = std::hypot(in_key_.x, in_key_.y) >= config_.key_distance_m ||
                       std::abs(in_key_.heading) >= config_.key_turn_rad;
   return match.reason != ScanMatch::Reason::kNoReturns &&
-         (window_.empty() || (is_far && (match.converged || is_in_map(scan))));
+         (window_.empty() || (is_far && (match.converged || !is_of_new_laser(scan))));
 }
 
 /// Whether a scan is the first of its laser since the newest key scan, which is of another.

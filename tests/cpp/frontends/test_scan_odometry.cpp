@@ -5,7 +5,7 @@
 
 #include "locfuse/frontends/scan_odometry.hpp"
 #include "support/expect.hpp"
-#include "support/rooms.hpp"
+#include "support/lasers.hpp"
 
 namespace locfuse {
 namespace {
@@ -193,6 +193,44 @@ TEST(ScanOdometry, starts_a_new_map_where_a_scan_does_not_match) {
   EXPECT_EQ(result.key, 2 * kTenth);
   EXPECT_GT(result.match.explained, 0.95);
   EXPECT_NEAR(result.pose.x, 0.8, 0.02);
+}
+
+TEST(ScanOdometry, a_scan_of_another_laser_at_the_same_stamp_is_in_the_map_from_then_on) {
+  Drive drive(7, {});
+  const auto look = [&](ScanOdometry& odometry, const Pose2& mount, Stamp stamp) {
+    LaserScan scan = testing::half_scan(drive.walls, drive.truth, drive.rng, 0.01, mount);
+    scan.stamp = stamp;
+    return odometry.on(scan, {}, Matrix<3, 3>::Zero());
+  };
+  look(drive.odometry, testing::kFront, 1);
+  expect_refused([&] { look(drive.odometry, testing::kFront, 1); }, "1 ns", "later");
+  ScanOdometry without = drive.odometry;
+  const ScanMotion second = look(drive.odometry, testing::kRear, 1);
+  EXPECT_EQ(second.increment.begin, second.increment.stamp);
+  EXPECT_EQ(second.key, 1);
+  expect_refused([&] { look(drive.odometry, testing::kRear, 1); }, "1 ns", "later");
+  expect_refused([&] { look(drive.odometry, testing::kFront, 1); }, "1 ns", "later");
+  EXPECT_GT(look(drive.odometry, testing::kRear, 2).match.explained, 0.9);
+  EXPECT_LT(look(without, testing::kRear, 2).match.explained, 0.6);
+}
+
+TEST(ScanOdometry, with_a_window_of_one_scan_each_laser_has_one) {
+  ScanOdometryConfig config;
+  config.window_scans = 1;
+  Drive drive(8, config);
+  const Pose2 motion = arc(0.05, 0.0, 0.0625);
+  for (int k = 0; k < 60; ++k) {
+    drive.truth = k > 0 ? drive.truth * motion : drive.truth;
+    LaserScan scan = testing::half_scan(drive.walls, drive.truth, drive.rng, 0.01,
+                                        k % 2 == 0 ? testing::kFront : testing::kRear);
+    scan.stamp = k;
+    const ScanMotion result =
+        drive.odometry.on(scan, k > 0 ? motion : Pose2{}, covariance_of_step());
+    if (k > 1) {
+      EXPECT_TRUE(result.match.converged) << k;
+      EXPECT_GT(result.match.explained, 0.6) << k;
+    }
+  }
 }
 
 TEST(ScanOdometry, rejects_invalid_input_and_stays_unchanged) {

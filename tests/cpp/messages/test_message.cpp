@@ -52,6 +52,8 @@ TEST(Message, one_order_whatever_that_of_arrival) {
   PositionFix of_tag = fix;
   of_tag.tag = 0;
   const auto geometry = std::make_shared<const LaserGeometry>();
+  const auto rear =
+      std::make_shared<const LaserGeometry>(LaserGeometry{{-0.2, 0.0, -kPi}, 0.0, 0.1});
   const auto nan = std::numeric_limits<double>::quiet_NaN();
   const std::vector<Message> ordered{Velocity{7, 0.5, 0.0},
                                      Increment{7, 8, {1.0, 0.0, 0.0}},
@@ -66,7 +68,9 @@ TEST(Message, one_order_whatever_that_of_arrival) {
                                      RangeBearing{7, {}, 2.0, 0.1, {}},
                                      RangeBearing{7, 4, 1.0, {}, {}},
                                      Altitude{7, 1.0, {}},
+                                     LaserScan{7, rear, {1.0}},
                                      LaserScan{7, geometry, {1.0}},
+                                     LaserScan{7, rear, {1.0, 2.0}},
                                      LaserScan{7, geometry, {1.0, 2.0}},
                                      LaserScan{7, geometry, {1.0, nan}},
                                      Velocity{8, 0.0, 0.0}};

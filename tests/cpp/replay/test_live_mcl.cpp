@@ -5,7 +5,7 @@
 
 #include "locfuse/replay/live_mcl.hpp"
 #include "support/expect.hpp"
-#include "support/rooms.hpp"
+#include "support/lasers.hpp"
 
 namespace locfuse::test_live_mcl {
 namespace {
@@ -114,6 +114,28 @@ TEST(LiveMcl, messages_and_scans_that_are_late_end_with_the_bits_of_those_in_tim
     feed(b, late);
     expect_same(a.mcl(), b.mcl());
   }
+}
+
+TEST(LiveMcl, scans_of_two_lasers_of_one_stamp_end_with_the_same_bits_whichever_comes_first) {
+  const Drive run = drive();
+  std::vector<LiveMcl> lives;
+  for (const bool is_front_first : {true, false}) {
+    testing::Rng rng(5);
+    LiveMcl& live = lives.emplace_back(mcl_for(run));
+    for (const Arriving& one : run.messages) {
+      if (!std::holds_alternative<LaserScan>(one.message)) {
+        live.on(one.message);
+        continue;
+      }
+      LaserScan front = testing::half_scan(run.room.walls, run.start, rng, 0.02, testing::kFront);
+      LaserScan rear = testing::half_scan(run.room.walls, run.start, rng, 0.02, testing::kRear);
+      front.stamp = rear.stamp = stamp_of(one.message);
+      live.on(is_front_first ? front : rear);
+      live.on(is_front_first ? rear : front);
+    }
+    live.finish();
+  }
+  expect_same(lives[0].mcl(), lives[1].mcl());
 }
 
 TEST(LiveMcl, late_ones_are_fused_where_uwb_may_take_over) {

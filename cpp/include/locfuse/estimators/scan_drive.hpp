@@ -30,8 +30,9 @@ class ScanDrive {
   /// std::invalid_argument if it is not valid.
   void on(const Velocity& u);
   void on(const Increment& u);
-  /// Returns the motion since the last scan; empty for the first one, for one that is late, and for
-  /// one of another laser at the same stamp, whose correction the next motion has. Throws
+  /// Returns the motion since the last scan used; empty for the first one, for one that is late,
+  /// and for one of another laser at the same stamp, whose correction the next motion has. Without
+  /// wheels a second laser is used once scans of the first have shown how the body moves. Throws
   /// std::invalid_argument if it is not valid.
   std::optional<Increment> on(const LaserScan& scan);
 
@@ -50,8 +51,9 @@ class ScanDrive {
 
   OdometryMotion model_;
   ScanOdometry odometry_;
-  std::optional<Stamp> at_;              // stamp of the last scan
-  std::optional<Pose2> correction_;      // by other scans of that stamp
+  std::optional<Stamp> at_;          // stamp of the last scan used
+  std::optional<Pose2> correction_;  // by other scans of that stamp
+  bool has_twist_ = false;
   Vector<3> twist_ = Vector<3>::Zero();  // by the last scans, per second
   Pose2 since_;                          // motion by scans that is not yet in it
   double seconds_ = 0.0;                 // of that

@@ -59,9 +59,11 @@ class ScanOdometry {
   /// Whether a valid scan is not later than the previous one; one of another laser may have its
   /// stamp.
   [[nodiscard]] bool is_late(const LaserScan& scan) const;
+  /// Whether the local map has scans, but none of the laser of this valid one: where it lies is
+  /// then known by the motion.
+  [[nodiscard]] bool is_of_new_laser(const LaserScan& scan) const;
 
  private:
-  [[nodiscard]] bool is_in_map(const LaserScan& scan) const;
   [[nodiscard]] ScanMatch match(const LaserScan& scan, const Pose2& guess,
                                 const Matrix<3, 3>& covariance) const;
   [[nodiscard]] bool becomes_key(const LaserScan& scan, const ScanMatch& match) const;

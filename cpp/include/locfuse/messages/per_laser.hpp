@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <memory>
 #include <vector>
 
@@ -17,7 +18,11 @@ namespace locfuse::internal {
   return mount.x == other.x && mount.y == other.y && mount.heading == other.heading;
 }
 
-/// A value for each laser of a body, by valid scans. Allocates for the first scan of a laser only.
+/// Lasers of a body that are kept apart. Of one that moves on the body each scan is another's.
+constexpr std::size_t kMaxLasers = 16;
+
+/// A value for each laser of a body, by valid scans; of more than kMaxLasers for those that came
+/// last. Allocates for the first scan of a laser only.
 template <class T>
 class PerLaser {
  public:
@@ -34,9 +39,12 @@ class PerLaser {
     const auto found = std::find_if(entries_.begin(), entries_.end(), is_of(scan));
     if (found != entries_.end()) {
       found->value = value;
-    } else {
-      entries_.push_back({scan.geometry, value});
+      return;
     }
+    if (entries_.size() == kMaxLasers) {
+      entries_.erase(entries_.begin());
+    }
+    entries_.push_back({scan.geometry, value});
   }
 
   /// Calls `change` with the value of every laser.
