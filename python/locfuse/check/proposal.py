@@ -19,8 +19,7 @@ from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros, Topics, plain, types_of
 from locfuse.io.recording import read_recording
 from locfuse.io.rosbag.bag_stream import Bag, is_bag
-from locfuse.io.rosbag.clouds import frame_of
-from locfuse.io.rosbag.decode import MessageError
+from locfuse.io.rosbag.decode import MessageError, frame_of
 from locfuse.io.rosbag.wire import broken, deserializer
 from locfuse.types import NANOSECONDS, Columns, Log, LogError
 
@@ -191,7 +190,7 @@ def _one_of_each_frame(path: Path, topics: list[str]) -> list[str]:
     for connection, _, data in Bag(path).messages(lambda c: c.topic in topics):
         if connection.topic not in frames:
             with suppress(LogError, MessageError, *broken()):
-                frames[connection.topic] = frame_of(deserializer(connection)(data))
+                frames[connection.topic] = plain(frame_of(deserializer(connection)(data)))
         if len(frames) == len(topics):
             break
     names: dict[str, str] = {}

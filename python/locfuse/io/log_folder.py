@@ -97,6 +97,7 @@ MAX_SPEED_MPS = 100.0
 MAX_TURN_RATE_RADPS = 100.0
 MAX_RANGE_M = 100_000.0
 MAX_FORCE_MPS2 = 10_000.0
+MAX_LASERS = 16  # a frame that changes from scan to scan is no laser
 MAX_STAMP_NS = 1 << 62  # the difference of two fits into 64 bits
 
 LONGEST_NAME = 255  # bytes

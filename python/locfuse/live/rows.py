@@ -11,12 +11,10 @@ from numpy.typing import ArrayLike
 
 from locfuse import _core
 from locfuse.config.schema import USABLE, RunConfig
-from locfuse.io.log_folder import FORCES, RATES
+from locfuse.io.log_folder import FORCES, MAX_LASERS, RATES
 from locfuse.run.messages import NOT_IN_PLANE
 from locfuse.run.start import laser_geometry
 from locfuse.types import NANOSECONDS, FloatArray, Log
-
-MAX_LASERS = 16  # whose geometry is kept
 
 Row = Mapping[str, Any]
 Message = (

@@ -287,7 +287,7 @@ class Adapter:
 
     def _scan(self, message: Any, topic: str) -> None:
         if clouds.is_cloud(message):
-            pose = self._world.sensor_pose(clouds.frame_of(message))
+            pose = self._world.sensor_pose(plain(decode.frame_of(message)))
             row = clouds.scan_of(message, pose, self._config.ros.cloud_heights_m)
         else:
             row = decode.scan(message)

@@ -5,6 +5,7 @@
 
 #include "locfuse/particles/mcl.hpp"
 #include "support/expect.hpp"
+#include "support/pose_errors.hpp"
 #include "support/rooms.hpp"
 
 namespace locfuse::test_mcl {
@@ -60,19 +61,7 @@ PoseHypothesis near(const Pose2& pose, double sigma_xy, double sigma_heading) {
   return {{0, pose, sigma.cwiseAbs2().asDiagonal()}, 1.0};
 }
 
-struct Errors {
-  double squared = 0.0;
-  double squared_heading = 0.0;
-  double nees = 0.0;
-  int count = 0;
-  void add(const PoseEstimate& estimate, const Pose2& truth) {
-    const Vector<3> e = local(estimate.pose, truth);
-    squared += e.head<2>().squaredNorm();
-    squared_heading += e.z() * e.z();
-    nees += e.dot(estimate.covariance.llt().solve(e));
-    ++count;
-  }
-};
+using Errors = testing::PoseErrors;
 
 // Rotated from cells to metres, they were symmetric only up to rounding.
 TEST(Mcl, covariances_are_symmetric_to_the_bit_on_a_turned_map) {

@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <cstdio>
 
 #include "locfuse/particles/mcl.hpp"
 #include "support/lasers.hpp"
+#include "support/pose_errors.hpp"
 
 namespace locfuse::test_mcl_lasers {
 namespace {
 
 using testing::kFront;
 using testing::kRear;
+using Errors = testing::PoseErrors;
 using testing::Rng;
 
 constexpr Stamp kStep = 100'000'000;
@@ -72,20 +73,6 @@ struct Robot {
   Pose2 pose;
   Mcl mcl;
   Stamp now = 0;
-};
-
-struct Errors {
-  double squared = 0.0;
-  double nees = 0.0;
-  int count = 0;
-
-  void add(const PoseEstimate& estimate, const Pose2& truth) {
-    const Vector<3> e = local(estimate.pose, truth);
-    squared += e.head<2>().squaredNorm();
-    nees += e.dot(estimate.covariance.llt().solve(e));
-    ++count;
-  }
-  [[nodiscard]] double rmse() const { return std::sqrt(squared / count); }
 };
 
 Errors errors_with(Lasers lasers) {

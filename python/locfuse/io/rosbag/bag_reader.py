@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 
 from locfuse.config.ros import Ros, plain
-from locfuse.io.log_folder import MAX_RANGE_M, MAX_SPEED_MPS, MAX_STAMP_NS, MAX_TURN_RATE_RADPS
+from locfuse.io.log_folder import (
+    MAX_LASERS,
+    MAX_RANGE_M,
+    MAX_SPEED_MPS,
+    MAX_STAMP_NS,
+    MAX_TURN_RATE_RADPS,
+)
 from locfuse.io.rosbag import bag_settings, clouds, decode, rows
 from locfuse.io.rosbag.bag_contents import BagContents, Laser, logger
 from locfuse.io.rosbag.bag_log import log_of
@@ -34,7 +40,6 @@ Progress = Callable[[int, int], None]
 Reader = Callable[[Any, str], Sequence[Row]]  # rows of a message on a topic
 
 MAX_DEFINITIONS = 1 << 17  # letters of all that are used: 15,000 fields take 20 s
-MAX_LASERS = 16  # a frame that changes from scan to scan is no laser
 MAX_TRANSFORMS = 20_000  # messages on tf that are searched for a mount that tf_static lacks
 
 
@@ -97,7 +102,7 @@ class _BagReader:
         self.contents = contents
         self.deserializers: dict[Connection, Callable[[bytes], Any] | None] = {}
         self.letters = 0  # of definitions
-        self.has_searched = False  # for where a cloud is
+        self.searched: set[str] = set()  # frames of clouds
         ros = contents.ros
         self.others = OtherMessages(ros)
         self.single_ranges = set(map(plain, ros.range_topics))
@@ -260,9 +265,10 @@ class _BagReader:
         return [found]
 
     def _cloud(self, message: Any) -> ScanRow:
-        frame, contents = clouds.frame_of(message), self.contents
-        if frame not in contents.tree and not self.has_searched:
-            self.has_searched = True  # transforms may come after the first cloud
+        frame, contents = plain(decode.frame_of(message)), self.contents
+        is_new = frame not in contents.tree and frame not in self.searched
+        if is_new and len(self.searched) < MAX_LASERS:  # transforms may come after the first cloud
+            self.searched.add(frame)
             self._search_transforms({frame}, ("tf_static", "tf"))
         pose = sensor_pose(contents.world, contents.tree, frame)
         return clouds.scan_of(message, pose, contents.ros.cloud_heights_m)

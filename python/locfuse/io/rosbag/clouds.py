@@ -28,11 +28,6 @@ def is_cloud(message: Any) -> bool:
     return hasattr(message, "point_step")
 
 
-def frame_of(message: Any) -> str:
-    """Return the frame of a cloud; MessageError where it has none."""
-    return plain(str(getattr(getattr(message, "header", None), "frame_id", "")))
-
-
 def slice_of(sensor_m: float, heights: Heights | None) -> Heights:
     """Return the heights over the body's origin of which points count, metres.
 
@@ -78,7 +73,7 @@ def scan_of(message: Any, pose: FloatArray, heights: Heights | None) -> ScanRow:
     up = points[:, 2] + pose[2, 3]
     flat = points[(low <= up) & (up <= high), :2]
     if len(flat) == 0:
-        span = f"{np.nanmin(up):.3g} to {np.nanmax(up):.3g}" if len(up) else "no height at all"
+        span = f"{up.min():.3g} to {up.max():.3g}" if len(up) else "no height at all"
         raise MessageError(f"no point of the cloud is {low:.3g} to {high:.3g} m over the body's "
                            f"origin, its points are at {span}; ros.cloud_heights_m says which "
                            "count")  # fmt: skip
@@ -89,8 +84,9 @@ def scan_of(message: Any, pose: FloatArray, heights: Heights | None) -> ScanRow:
     far_first = np.argsort(-reach, kind="stable")
     ranges[beam[far_first]] = reach[far_first]  # of several the last stays: the nearest
     mount = Mount(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]), 0.0)
-    return ScanRow(decode.stamped(message.header), frame_of(message), 0.5 * step - math.pi, step,
-                   0.0, REACH_M, ranges, None, mount=mount)  # fmt: skip
+    stamp, frame = decode.stamped(message.header), plain(decode.frame_of(message))
+    return ScanRow(stamp, frame, 0.5 * step - math.pi, step, 0.0, REACH_M, ranges, None,
+                   mount=mount)  # fmt: skip
 
 
 @decode.is_message("sensor_msgs/PointCloud2")
@@ -106,7 +102,7 @@ def _points(message: Any) -> FloatArray:
                            f"{', '.join(named) or 'no field'}")  # fmt: skip
     order = ">" if message.is_bigendian else "<"
     step, row = int(message.point_step), int(message.row_step)
-    data = np.frombuffer(bytes(message.data), np.uint8)
+    data = np.frombuffer(message.data, np.uint8)
     if height * width and not (width * step <= row and (height - 1) * row + width * step
                                <= len(data)):  # fmt: skip
         raise MessageError(f"the cloud has {len(data)} bytes for {height} rows of {width} points "

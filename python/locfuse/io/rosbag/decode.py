@@ -757,6 +757,7 @@ def frame_of(message: Any) -> str:
 
 
 def stamped(header: Any) -> int:
+    """Return the stamp of a header [ns]; MessageError where it is 0 or no time."""
     stamp = stamp_ns(header.stamp)
     _after_zero(stamp)
     return stamp
