@@ -84,7 +84,7 @@ def test_the_player_has_the_last_scan_of_each() -> None:
     result = driven(2, 5.0, lasers=LASERS)
     scans = pack(result)["scans"]
     assert [laser["mount"][2] for laser in scans["lasers"]] == pytest.approx([0.0, np.pi])
-    assert scans["laser"]["shape"] == scans["t"]["shape"]
+    assert scans["laser"]["shape"] == scans["t"]["shape"] == [scans["of"]]
 
 
 @pytest.mark.parametrize(

@@ -200,7 +200,7 @@ def _scans(result: RunResult, origin: int) -> Part:
 def _of_each(of: NDArray[np.uint8], lasers: int, most: int) -> NDArray[np.intp]:
     """Return at most so many rows, evenly spaced among those of each laser."""
     rows = [np.flatnonzero(of == laser) for laser in range(lasers)]
-    kept = [own[stride(len(own), max(2, most // lasers))] for own in rows]
+    kept = [own[stride(len(own), max(2, most * len(own) // len(of)))] for own in rows]
     return np.sort(np.concatenate(kept))
 
 
