@@ -75,6 +75,7 @@ void bind_filters(py::module_& m) {
       .value("COVERED", Reason::kCovered)
       .value("NUMERICAL", Reason::kNumerical)
       .value("REPLACED", Reason::kReplaced)
+      .value("WATCHED", Reason::kWatched)
       .finalize();
   py::class_<Outcome>(m, "Outcome", "Verdict on one message with its innovation statistics.")
       .def_readonly("verdict", &Outcome::verdict)

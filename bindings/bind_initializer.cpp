@@ -51,7 +51,9 @@ void bind_initializer(py::module_& m) {
       .def_readwrite("standing_ranges", &Config::standing_ranges)
       .def_readwrite("probability_ready", &Config::probability_ready)
       .def_readwrite("sigma_xy_ready_m", &Config::sigma_xy_ready_m)
-      .def_readwrite("sigma_heading_ready_rad", &Config::sigma_heading_ready_rad);
+      .def_readwrite("sigma_heading_ready_rad", &Config::sigma_heading_ready_rad)
+      .def_readwrite("watch_poses", &Config::watch_poses,
+                     "Whether poses are judged by a PoseWatch, and not used.");
   py::class_<Initializer>(m, "Initializer",
                           R"(Estimates the initial pose without a prior.
 

@@ -246,6 +246,9 @@ ValueError
       .def(
           "health", [](const Live& live) { return live.estimator().health(); },
           "HealthReport of the estimate.")
+      .def(
+          "watched", [](const Live& live) { return live.estimator().watched(); },
+          "WatchReport of the poses that it watches, or None unless it watches poses.")
       .def_property_readonly(
           "sources", [](const Live& live) { return live.estimator().sources(); },
           "One SourceStatus per source.")

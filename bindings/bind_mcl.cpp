@@ -72,6 +72,8 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("most_drop", &Config::most_drop)
       .def_readwrite("min_explained", &Config::min_explained)
       .def_readwrite("health", &Config::health)
+      .def_readwrite("watch_poses", &Config::watch_poses,
+                     "Whether poses are judged by a PoseWatch, and do not weigh particles.")
       .def_readwrite("scouts", &Config::scouts)
       .def_readwrite("scout_draws", &Config::scout_draws)
       .def_readwrite("kidnapping_probability", &Config::kidnapping_probability)

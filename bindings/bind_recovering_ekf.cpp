@@ -80,6 +80,8 @@ True
       .def_property_readonly("is_lost", &RecoveringEkf::is_lost,
                              "Whether there is no trustworthy estimate.")
       .def("health", &RecoveringEkf::health, "HealthReport of the estimate.")
+      .def("watched", &RecoveringEkf::watched,
+           "WatchReport of the poses that it watches, or None unless it watches poses.")
       .def_property_readonly("sources", &RecoveringEkf::sources, "One SourceStatus per source.")
       .def_property_readonly("restarts", &RecoveringEkf::restarts, "Number of relocalizations.")
       .def_property_readonly("alarms", &RecoveringEkf::alarms,

@@ -190,6 +190,8 @@ void bind_replay(py::module_& m) {
           [](const RunLog& r, locfuse::Source source) { return r.adaptive.factor(source); },
           py::arg("source"),
           "Factor on the variances of a Source at the end of the log; 1 unless adaptive.")
+      .def_readonly("watched", &RunLog::watched,
+                    "A WatchReport with each health report where poses are watched; else empty.")
       .def_readonly("sources", &RunLog::sources,
                     "One SourceStatus per source, at the end of the log.")
       .def_readonly("alarms", &RunLog::alarms, "Number of times the estimate was declared lost.")
@@ -282,6 +284,18 @@ void bind_replay(py::module_& m) {
             return column_of<bool>(r.steps, [](const auto& s) { return s.ready; });
           },
           "(n,).")
+      .def_property_readonly(
+          "watched",
+          [](const LocalizeRun& r) {
+            std::vector<locfuse::WatchReport> watched;
+            for (const LocalizeRun::Step& step : r.steps) {
+              if (step.watched) {
+                watched.push_back(*step.watched);
+              }
+            }
+            return watched;
+          },
+          "A WatchReport for each estimate where poses are watched; else empty.")
       .def_readonly("reports", &LocalizeRun::reports,
                     "A LocalizeReport for each scan that was not STALE, in order of turns.")
       .def("__repr__", [](const LocalizeRun& r) {

@@ -25,6 +25,7 @@ void bind_filters(pybind11::module_& m);
 void bind_estimators(pybind11::module_& m);
 void bind_air_ekf(pybind11::module_& m);
 void bind_health(pybind11::module_& m);
+void bind_pose_watch(pybind11::module_& m);
 void bind_initializer(pybind11::module_& m);
 void bind_landmark_ekf(pybind11::module_& m);
 void bind_recovering_ekf(pybind11::module_& m);

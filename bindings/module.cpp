@@ -52,6 +52,7 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_initializer(m);
   bind_landmark_ekf(m);
   bind_health(m);
+  bind_pose_watch(m);
   bind_recovering_ekf(m);
   bind_mcl(m);
   bind_switching_mcl(m);

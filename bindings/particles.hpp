@@ -37,6 +37,9 @@ void bind_state(pybind11::class_<T>& bound, const MclOf& mcl_of) {
       .def(
           "health", [=](const T& t) { return mcl_of(t).health(); },
           "HealthReport of the estimate; docs/health.md.")
+      .def(
+          "watched", [=](const T& t) { return mcl_of(t).watched(); },
+          "WatchReport of the poses that it watches, or None unless it watches poses.")
       .def_property_readonly(
           "sources", [=](const T& t) { return mcl_of(t).sources(); },
           "One SourceStatus per source that weights particles.")

@@ -19,7 +19,7 @@ from papers.ekim2020 import ekim2020_claims
 from papers.gadau2022 import draw_figures as draw_gadau
 from papers.gadau2022 import gadau_claims
 from papers.health import draw_figures as draw_health
-from papers.health import health_claims
+from papers.health import health_claims, watch_claims
 from papers.recorded import example_configs
 from papers.recordings import (
     air_claims,
@@ -85,6 +85,7 @@ PAPERS: dict[str, Experiment] = {
         lambda seeds, progress, configs: health_claims(seeds, progress),
         lambda folder, seeds, configs: draw_health(folder, seeds),
     ),
+    "watch": Experiment(lambda seeds, progress, configs: watch_claims(seeds, progress, configs)),
     "outliers": Experiment(
         outlier_claims, lambda folder, seeds, configs: draw_outliers(folder, configs)
     ),

@@ -106,11 +106,11 @@ def _runs(configs: Path) -> Mapping[str, Callable[[], tuple[RunConfig, Log]]]:
            for name in landmarks},
         **{f"{name}, defaults": partial(load_recording, configs, *landmarks[name][:3])
            for name in landmarks},
-        **{f"{name}, particles": partial(_on_map, configs, name) for name in maps},
-        **{f"{name}, particles, defaults": partial(_on_map, configs, name, estimator={}, mcl={})
+        **{f"{name}, particles": partial(on_map, configs, name) for name in maps},
+        **{f"{name}, particles, defaults": partial(on_map, configs, name, estimator={}, mcl={})
            for name in maps},
         **{f"{name}, particles in the EKF":
-           partial(_on_map, configs, name, estimator={}, mcl={"poses_hz": 2},
+           partial(on_map, configs, name, estimator={}, mcl={"poses_hz": 2},
                    use=["odometry", "poses"])
            for name in maps},
     }  # fmt: skip
@@ -128,7 +128,7 @@ def _with_defaults(configs: Path, name: str) -> tuple[RunConfig, Log]:
     return config.model_copy(update={"estimator": kind}), log
 
 
-def _on_map(configs: Path, name: str, **keys: Any) -> tuple[RunConfig, Log]:
+def on_map(configs: Path, name: str, **keys: Any) -> tuple[RunConfig, Log]:
     """Return a run by particles, with a reference that lies where the map does."""
     config, log = map_localization.recorded(configs, name, **keys)
     moved = map_localization.ON_ITS_MAP.get(name)
@@ -159,8 +159,8 @@ def _rows(name: str, load: Callable[[], tuple[RunConfig, Log]]) -> Iterator[Clai
 def _ratio(configs: Path, name: str) -> Iterator[Claim]:
     what, key = f"{name}: error in the EKF / of particles alone", name.lower().replace(" ", "_")
     try:
-        alone = run(*_on_map(configs, name, estimator={}, mcl={}))
-        fused = run(*_on_map(configs, name, estimator={}, mcl={"poses_hz": 2},
+        alone = run(*on_map(configs, name, estimator={}, mcl={}))
+        fused = run(*on_map(configs, name, estimator={}, mcl={"poses_hz": 2},
                              use=["odometry", "poses"]))  # fmt: skip
     except LogError as error:
         yield absent(f"{key}_fused", what, str(error))

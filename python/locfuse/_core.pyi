@@ -103,6 +103,8 @@ __all__: list[str] = [
     "PoseHypothesis",
     "PoseModel",
     "PoseObservation",
+    "PoseWatch",
+    "PoseWatchConfig",
     "PositionBatch",
     "PositionConfig",
     "PositionFix",
@@ -167,6 +169,8 @@ __all__: list[str] = [
     "VelocityConfig",
     "VelocityModel",
     "Verdict",
+    "WatchReason",
+    "WatchReport",
     "World",
     "arc",
     "chi_squared_quantile",
@@ -2482,6 +2486,7 @@ class Reason(enum.IntEnum):
     UNLIKELY = ...
     UNNAMED = ...
     WAITS = ...
+    WATCHED = ...
 
 class Outcome:
     """
@@ -4122,6 +4127,13 @@ class InitializerConfig:
     @tag_conditioner.setter
     def tag_conditioner(self, arg0: TagConditionerConfig | None) -> None: ...
     @property
+    def watch_poses(self) -> bool:
+        """
+        Whether poses are judged by a PoseWatch, and not used.
+        """
+    @watch_poses.setter
+    def watch_poses(self, arg0: bool) -> None: ...
+    @property
     def wrong_share(self) -> float: ...
     @wrong_share.setter
     def wrong_share(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
@@ -4701,6 +4713,138 @@ class Health:
         Probability that the pose is wrong.
         """
 
+class WatchReason(enum.Enum):
+    """
+    Reason why watched poses are not OK.
+    """
+
+    CONTRADICTED = ...
+    FAR_OFF = ...
+    JUMPED = ...
+    NONE = ...
+    NO_ESTIMATE = ...
+    NO_POSE = ...
+    SIGMAS_TOO_SMALL = ...
+    SILENT = ...
+    UNVERIFIED = ...
+
+class WatchReport:
+    """
+    How far watched poses may be trusted.
+    """
+    def __init__(self) -> None:
+        """
+        INITIALIZING: there is no estimate yet.
+        """
+    def __repr__(self) -> str: ...
+    @property
+    def error(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        """
+        The last pose, carried on by odometry, less the estimate: x [m], y [m], heading [rad], (3,); NaN without both.
+        """
+    @property
+    def protection(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        """
+        Protection levels of x [m], y [m] and heading [rad], (3,): |error| exceeds them at most with probability `risk`; infinite if no bound is known.
+        """
+    @property
+    def reason(self) -> WatchReason:
+        """
+        WatchReason.
+        """
+    @property
+    def stamp(self) -> int:
+        """
+        [ns].
+        """
+    @property
+    def state(self) -> HealthState:
+        """
+        HealthState.
+        """
+    @property
+    def within(self) -> float:
+        """
+        Probability that position and heading errors are below their limits.
+        """
+    @property
+    def wrong(self) -> float:
+        """
+        1 - within.
+        """
+
+class PoseWatchConfig:
+    """
+    Limits and models of a PoseWatch.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def health(self) -> HealthConfig:
+        """
+        HealthConfig: limits and probabilities.
+        """
+    @health.setter
+    def health(self, arg0: HealthConfig) -> None: ...
+    @property
+    def hold_s(self) -> float:
+        """
+        Odometry timeout [s].
+        """
+    @hold_s.setter
+    def hold_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def limits(self) -> Limits:
+        """
+        Limits.
+        """
+    @limits.setter
+    def limits(self, arg0: Limits) -> None: ...
+    @property
+    def odometry(self) -> OdometryConfig:
+        """
+        OdometryConfig.
+        """
+    @odometry.setter
+    def odometry(self, arg0: OdometryConfig) -> None: ...
+    @property
+    def pose(self) -> PoseConfig:
+        """
+        PoseConfig: sigmas of the poses.
+        """
+    @pose.setter
+    def pose(self, arg0: PoseConfig) -> None: ...
+
+class PoseWatch:
+    """
+    Judges the poses of another localizer by an estimate without them.
+
+    Derivation: docs/watch.md.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of range.
+    """
+
+    max_heading_error: typing.ClassVar[float] = 0.5
+    def __init__(self, config: PoseWatchConfig) -> None: ...
+    @typing.overload
+    def on(self, u: Velocity) -> None:
+        """
+        Takes odometry that the estimator has taken.
+        """
+    @typing.overload
+    def on(self, u: Increment) -> None: ...
+    @typing.overload
+    def on(self, z: PoseObservation, estimate: PoseEstimate, health: HealthReport) -> Outcome:
+        """
+        Takes a pose, with the PoseEstimate at its stamp and the HealthReport of that. Returns an Outcome: IGNORED, WATCHED, with the numbers of its innovation.
+        """
+    def report(self, estimate: PoseEstimate, health: HealthReport) -> WatchReport:
+        """
+        WatchReport at the stamp of a PoseEstimate.
+        """
+
 class RecoveringEkfConfig:
     """
     Filter, initialization and health of a RecoveringEkf.
@@ -4845,6 +4989,10 @@ class RecoveringEkf:
     def tracker(self) -> PoseEkf | LandmarkEkf | TagTriangleEkf | AirEkf | None:
         """
         Copy of the filter of any kind, or None before the first start.
+        """
+    def watched(self) -> WatchReport | None:
+        """
+        WatchReport of the poses that it watches, or None unless it watches poses.
         """
     @property
     def alarms(self) -> int:
@@ -5103,6 +5251,13 @@ class MclConfig:
     def threads(self) -> int: ...
     @threads.setter
     def threads(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
+    def watch_poses(self) -> bool:
+        """
+        Whether poses are judged by a PoseWatch, and do not weigh particles.
+        """
+    @watch_poses.setter
+    def watch_poses(self, arg0: bool) -> None: ...
 
 class Mcl:
     """
@@ -5209,6 +5364,10 @@ class Mcl:
         ------
         ValueError
             On another shape, on numbers that are not finite, on weights that are negative or all 0.
+        """
+    def watched(self) -> WatchReport | None:
+        """
+        WatchReport of the poses that it watches, or None unless it watches poses.
         """
     @property
     def explained(self) -> float:
@@ -5431,6 +5590,10 @@ class SwitchingMcl:
     ) -> Outcome:
         """
         Processes one message. Ranges and fixes go to the UWB filter, all others weight particles.
+        """
+    def watched(self) -> WatchReport | None:
+        """
+        WatchReport of the poses that it watches, or None unless it watches poses.
         """
     @property
     def hypotheses(self) -> list[PoseHypothesis]:
@@ -5832,6 +5995,10 @@ class LiveMcl:
         """
         Takes the motions that one message changed, of an OdometryTimeline; returns as above.
         """
+    def watched(self) -> WatchReport | None:
+        """
+        WatchReport of the poses that it watches, or None unless it watches poses.
+        """
     @property
     def dropped_messages(self) -> int:
         """
@@ -5982,6 +6149,10 @@ class Live:
     def start_at(self, start: PoseEstimate) -> None:
         """
         Discards the current state and tracks from a PoseEstimate.
+        """
+    def watched(self) -> WatchReport | None:
+        """
+        WatchReport of the poses that it watches, or None unless it watches poses.
         """
     @property
     def dropped_messages(self) -> int:
@@ -6142,6 +6313,11 @@ class RunLog:
     def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into Verdict, one per message in order of arrival.
+        """
+    @property
+    def watched(self) -> list[WatchReport]:
+        """
+        A WatchReport with each health report where poses are watched; else empty.
         """
     @property
     def within(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -6308,6 +6484,11 @@ class LocalizeRun:
     def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into Verdict, one per message in order of arrival.
+        """
+    @property
+    def watched(self) -> list[WatchReport]:
+        """
+        A WatchReport for each estimate where poses are watched; else empty.
         """
     @property
     def within(self) -> numpy.typing.NDArray[numpy.float64]:

@@ -444,6 +444,20 @@ class Health:
 
 
 @dataclass(frozen=True)
+class Watched(Health):
+    """How far the poses of another localizer may be trusted, with each row of the run's `Health`.
+
+    Attributes
+    ----------
+    error : float64 array, shape (n, 3)
+        Its pose, carried on by odometry, less the estimate: x, y (metres), heading (radians); NaN
+        before there are both.
+    """
+
+    error: FloatArray
+
+
+@dataclass(frozen=True)
 class MappedLandmarks:
     """Landmarks as an estimator that maps them knows them at the end, in order of discovery.
 
@@ -502,6 +516,8 @@ class RunResult:
         How ``start: auto`` went.
     health : Health or None
         Of an EKF.
+    watched : Watched or None
+        With ``watch_poses``.
     landmarks : MappedLandmarks or None
         Of an estimator that maps.
     frames : tuple of Frame
@@ -518,3 +534,4 @@ class RunResult:
     health: Health | None = None
     frames: tuple[Frame, ...] = ()
     landmarks: MappedLandmarks | None = None
+    watched: Watched | None = None

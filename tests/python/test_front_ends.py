@@ -58,6 +58,8 @@ PARTICLES: Mapping[str, Mapping[str, Any]] = {
     "scan_odometry": {"scan_odometry": {}},
     "two lasers": {"mcl": {"max_particles": 1000}, "simulation": TWO_LASERS},
     "two lasers, scan_odometry": {"scan_odometry": {}, "simulation": TWO_LASERS},
+    "watched poses, scans": {"mcl": {"max_particles": 1000}, "watch_poses": True,
+                             "simulation": {**FLOOR, "poses": {"rate_hz": 2}}},
     "switch": {"mcl": {"switch": {}, "max_particles": 1000},
                "simulation": {**FLOOR, "anchors": ANCHORS, "ranges": {"rate_hz": 5}}},
 }  # fmt: skip
@@ -72,6 +74,7 @@ TAGS: Mapping[str, Any] = {
 }
 WITHOUT_SCANS: Mapping[str, Mapping[str, Any]] = {
     "rigid": {"estimator": {"kind": "tag_triangle", "tag_triangle": {"shape": "rigid"}}},
+    "watched poses": {"watch_poses": True, "simulation": {**TAGS, "poses": {"rate_hz": 2}}},
     "tag_conditioner": {"tag_conditioner": {}},
     "tag_conditioner, triangle": {"tag_conditioner": {}, "estimator": {"kind": "tag_triangle"}},
 }

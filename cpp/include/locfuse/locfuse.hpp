@@ -34,6 +34,7 @@
 #include "locfuse/recovery/air_sum.hpp"
 #include "locfuse/recovery/health.hpp"
 #include "locfuse/recovery/initializer.hpp"
+#include "locfuse/recovery/pose_watch.hpp"
 #include "locfuse/recovery/recovering_ekf.hpp"
 #include "locfuse/replay/live.hpp"
 #include "locfuse/replay/live_mcl.hpp"

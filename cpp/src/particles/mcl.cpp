@@ -10,6 +10,7 @@
 #include <utility>
 #include <variant>
 
+#include "estimators/innovation.hpp"
 #include "estimators/recipe.hpp"
 #include "locfuse/error.hpp"
 #include "particles/mcl_tuning.hpp"
@@ -55,27 +56,12 @@ void check_starts(const std::vector<PoseHypothesis>& hypotheses, const Limits& l
   }
 }
 
-/// How a measurement fits an estimate; dof 0 where the model has no direction.
-template <class Model, class Message>
-Outcome compare(const Model& model, const PoseEstimate& here, const Message& z) {
-  const auto lin = model.linearize(here.pose, z);
-  if (!lin) {
-    return {Verdict::kFused};
+/// What judges poses; nothing where they weigh particles.
+std::optional<PoseWatch> watch_of(const MclConfig& config) {
+  if (!config.watch_poses) {
+    return std::nullopt;
   }
-  using Lin = std::decay_t<decltype(*lin)>;
-  using Noise = decltype(Lin::noise);
-  const Noise S = lin->jacobian * here.covariance * lin->jacobian.transpose() + lin->noise;
-  const auto rows = static_cast<int>(lin->residual.size());
-  Outcome outcome{Verdict::kFused,
-                  Reason::kNone,
-                  rows,
-                  squared_mahalanobis(lin->residual, S),
-                  lin->residual(0),
-                  std::pow(S.determinant(), 1.0 / rows)};
-  if (!(outcome.nis >= 0.0 && outcome.scale > 0.0 && std::isfinite(outcome.scale))) {
-    throw NumericalError("the innovation covariance is not positive definite");
-  }
-  return outcome;
+  return PoseWatch({config.health, config.pose, config.odometry, config.limits, config.hold_s});
 }
 
 double returns_of(const LaserScan& scan) {
@@ -119,6 +105,7 @@ Mcl::Mcl(const Config& config, const World& world, Stamp start)
       sharpness_(recipe_),
       recovery_(recipe_),
       health_(recipe_),
+      watch_(watch_of(recipe_->config)),
       keys_(config.seed),
       odometry_(start) {
   start_anywhere(start);
@@ -255,6 +242,9 @@ Outcome Mcl::on(const Velocity& u) {
     return {Verdict::kStale, Reason::kBeforeEstimate};
   }
   odometry_.take(u);
+  if (watch_) {
+    watch_->on(u);
+  }
   return {Verdict::kFused};
 }
 
@@ -271,6 +261,9 @@ Outcome Mcl::on(const Increment& u) {
     drive(recipe_->motion, u.motion, u.stamp, u.variance);
   }
   odometry_.take(u, recipe_->config.limits);
+  if (watch_) {
+    watch_->on(u);
+  }
   return {Verdict::kFused};
 }
 
@@ -414,7 +407,7 @@ Outcome Mcl::weigh_by(const Model& model, const Message& z, const Why& why) {
   }
   advance_to(z.stamp);
   propagate_particles();
-  const Outcome outcome = compare(model, filter_.best().estimate, z);
+  const Outcome outcome = internal::compare(model, filter_.best().estimate, z);
   if (outcome.dof > 0) {
     health_.record(z, outcome);
   }
@@ -453,7 +446,34 @@ Outcome Mcl::on(const PositionFix& z) {
 }
 
 Outcome Mcl::on(const PoseObservation& z) {
-  return weigh_by(recipe_->pose, z, [] { return Reason::kNoSigma; });
+  return watch_ ? watch(z) : weigh_by(recipe_->pose, z, [] { return Reason::kNoSigma; });
+}
+
+/// Judges a pose by the estimate at its stamp.
+Outcome Mcl::watch(const PoseObservation& z) {
+  validate(z);
+  if (!has_started()) {
+    return {Verdict::kIgnored, Reason::kNotStarted};
+  }
+  if (!is_plausible(z, recipe_->config.limits)) {
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
+  }
+  if (z.stamp < filter_.stamp()) {
+    return {Verdict::kStale, Reason::kBeforeEstimate};
+  }
+  const PoseEstimate here = believed_at(z.stamp);
+  return watch_->on(z, here, report_of(here));
+}
+
+std::optional<WatchReport> Mcl::watched() const {
+  if (!watch_) {
+    return std::nullopt;
+  }
+  if (!has_started()) {
+    return WatchReport{};
+  }
+  const PoseEstimate here = believed();
+  return watch_->report(here, report_of(here));
 }
 
 Outcome Mcl::on(const Altitude& z) {
@@ -466,6 +486,7 @@ Outcome Mcl::on(const Message& message) { return internal::dispatch(*this, messa
 Mcl Mcl::restarted(const PoseEstimate& pose) const {
   Mcl again = *this;
   again.start_at({{pose, 1.0}});
+  again.watch_ = watch_of(recipe_->config);
   return again;
 }
 
@@ -475,10 +496,14 @@ PoseEstimate Mcl::estimate() const {
   return report.state == HealthState::kLost ? health_.doubted(here, report.wrong) : here;
 }
 
-PoseEstimate Mcl::believed() const { return filter_.predicted(filter_.best().estimate, odometry_); }
+PoseEstimate Mcl::believed() const { return believed_at(odometry_.end()); }
+
+PoseEstimate Mcl::believed_at(Stamp stamp) const {
+  return filter_.predicted(filter_.best().estimate, odometry_, stamp);
+}
 
 PoseEstimate Mcl::overall_estimate() const {
-  return filter_.predicted(filter_.overall(), odometry_);
+  return filter_.predicted(filter_.overall(), odometry_, odometry_.end());
 }
 
 HealthReport Mcl::health() const { return report_of(believed()); }

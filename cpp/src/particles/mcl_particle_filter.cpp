@@ -11,14 +11,6 @@
 namespace locfuse::internal {
 namespace {
 
-/// Appends a motion to one with its covariance, in the frame where that one began.
-void extend(UncertainMotion& so_far, const OdometryMotion& model, const Pose2& motion,
-            double seconds, const std::optional<Vector<3>>& variance = {}) {
-  const Propagation<Pose2, 3> step = model.propagate(so_far.motion, motion, seconds, variance);
-  so_far.motion = step.moved;
-  so_far.covariance = step.jacobian * so_far.covariance * step.jacobian.transpose() + step.noise;
-}
-
 PoseEstimate carried(const PoseEstimate& from, const UncertainMotion& by, Stamp stamp) {
   PoseEstimate to{stamp, from.pose * by.motion,
                   covariance_after(from.pose, from.covariance, by.motion, by.covariance)};
@@ -134,7 +126,7 @@ void ParticleFilter::inject(const PoseEstimate& pose, double share, RandomKeys& 
 
 void ParticleFilter::add_motion(const OdometryMotion& model, const Pose2& motion, Stamp until,
                                 const std::optional<Vector<3>>& variance) {
-  extend(pending_, model, motion, seconds_between(stamp_, until), variance);
+  model.append(pending_, motion, seconds_between(stamp_, until), variance);
   stamp_ = until;
 }
 
@@ -269,18 +261,19 @@ PoseEstimate ParticleFilter::predicted(const PoseEstimate& from) const {
   return carried(from, pending_, stamp_);
 }
 
-PoseEstimate ParticleFilter::predicted(const PoseEstimate& from, const HeldMotion& odometry) const {
-  const Stamp now = std::max(stamp_, odometry.end());
+PoseEstimate ParticleFilter::predicted(const PoseEstimate& from, const HeldMotion& odometry,
+                                       Stamp end) const {
+  const Stamp now = std::max(stamp_, end);
   UncertainMotion ahead = pending_;
   Stamp at = stamp_;
   odometry.advance(
       stamp_, now, recipe_->hold,
       [&](const Pose2& motion, Stamp until, const std::optional<Vector<3>>& variance) {
-        extend(ahead, recipe_->motion, motion, seconds_between(at, until), variance);
+        recipe_->motion.append(ahead, motion, seconds_between(at, until), variance);
         at = until;
       },
       [&](Stamp until) {
-        extend(ahead, recipe_->lost, Pose2{}, seconds_between(at, until));
+        recipe_->lost.append(ahead, Pose2{}, seconds_between(at, until));
         at = until;
       });
   return carried(from, ahead, now);

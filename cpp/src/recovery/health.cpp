@@ -12,6 +12,7 @@
 #include "estimators/recipe.hpp"
 #include "locfuse/messages/reported_covariance.hpp"
 #include "recovery/health_tuning.hpp"
+#include "recovery/within.hpp"
 
 namespace locfuse {
 namespace {
@@ -59,19 +60,6 @@ double quantile_of(double risk) {
   const double tail = std::max(0.25 * risk, std::numeric_limits<double>::min());
   return -boost::math::quantile(boost::math::students_t(internal::HealthTuning::kDegreesOfFreedom),
                                 tail);
-}
-
-/// Probability that a zero-mean Gaussian position stays within `radius`, eq. (7) of docs/health.md.
-double probability_within(double radius, const Matrix<2, 2>& covariance) {
-  constexpr int kAngles = 8;  // t from 0 to pi; the integrand is smooth and periodic
-  const double middle = 0.5 * (covariance(0, 0) + covariance(1, 1));
-  const double half = std::hypot(0.5 * (covariance(0, 0) - covariance(1, 1)), covariance(0, 1));
-  double sum = 0.0;
-  for (int k = 0; k < kAngles; ++k) {
-    const double cosine = std::cos((k + 0.5) * kPi / kAngles);
-    sum += std::exp(-0.5 * radius * radius / std::max(middle + half * cosine, 1e-300));
-  }
-  return 1.0 - sum / kAngles;
 }
 
 }  // namespace
@@ -372,7 +360,7 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   report.inflation = inflation(estimate);
   const Matrix<3, 3> P = report.inflation * estimate.covariance;
   report.within =
-      (1.0 - report.wrong) * probability_within(config_.limit_m, P.topLeftCorner<2, 2>());
+      (1.0 - report.wrong) * internal::probability_within(config_.limit_m, P.topLeftCorner<2, 2>());
   if (report.wrong < 0.5 * config_.risk) {
     report.protection = quantile_ * P.diagonal().cwiseSqrt();
   }

@@ -548,7 +548,8 @@ PositionFix Initializer::widened(PositionFix z) const {
 
 void Initializer::on(const PoseObservation& z) {
   validate(z);
-  if (config_.method == StartMethod::kSrlsHeadings || !is_plausible(z, config_.estimator.limits)) {
+  if (config_.method == StartMethod::kSrlsHeadings || config_.watch_poses ||
+      !is_plausible(z, config_.estimator.limits)) {
     return;
   }
   attempt([&] {

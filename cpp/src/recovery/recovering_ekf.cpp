@@ -58,6 +58,15 @@ auto estimate_from(const Ekf& ekf, Stamp stamp) {
   return stamp > now.stamp ? ekf.estimate(stamp) : now;
 }
 
+/// What judges poses; nothing where they are fused.
+std::optional<PoseWatch> watch_of(const RecoveringEkf::Config& config) {
+  if (!config.start.watch_poses) {
+    return std::nullopt;
+  }
+  const PoseEkf::Config& robot = config.start.estimator;
+  return PoseWatch({config.health, robot.pose, robot.odometry, robot.limits, robot.hold_s});
+}
+
 template <class Call>
 auto of(Tracker& tracker, const Call& call) {
   return std::visit(call, tracker);
@@ -76,7 +85,8 @@ RecoveringEkf::RecoveringEkf(const Config& config, const World& world)
                              std::holds_alternative<TagTriangleEkf::Config>(*config.tracker))})),
       start_(recipe_->fresh),
       conditioner_(recipe_->fresh.conditioner()),
-      health_(config.health) {
+      health_(config.health),
+      watch_(watch_of(config)) {
   (void)tracker_at({0, {}, Matrix<3, 3>::Identity()}, recipe_->fresh);  // checks
 }
 
@@ -136,6 +146,7 @@ RecoveringEkf RecoveringEkf::restarted(const PoseEstimate& start) const {
   }));
   other.control_.reset();
   other.conditioner_ = recipe_->fresh.conditioner();
+  other.watch_ = watch_of(recipe_->config);
   return other;
 }
 
@@ -151,9 +162,11 @@ Stamp RecoveringEkf::stamp() const {
   return newest_ - believed >= kReportEvery ? newest_ : believed;
 }
 
-PoseEstimate RecoveringEkf::believed() const {
-  return of(started(), [at = stamp()](const auto& ekf) {
-    return pose_of(ekf, [at](const auto& one) { return estimate_at(one, at); });
+PoseEstimate RecoveringEkf::believed() const { return believed_at(stamp()); }
+
+PoseEstimate RecoveringEkf::believed_at(Stamp stamp) const {
+  return of(started(), [stamp](const auto& ekf) {
+    return pose_of(ekf, [stamp](const auto& one) { return estimate_at(one, stamp); });
   });
 }
 
@@ -187,7 +200,7 @@ Outcome RecoveringEkf::on(const Velocity& u) { return drive(u); }
 Outcome RecoveringEkf::on(const Increment& u) { return drive(u); }
 Outcome RecoveringEkf::on(const Range& z) { return correct(z); }
 Outcome RecoveringEkf::on(const PositionFix& z) { return correct(z); }
-Outcome RecoveringEkf::on(const PoseObservation& z) { return correct(z); }
+Outcome RecoveringEkf::on(const PoseObservation& z) { return watch_ ? watch(z) : correct(z); }
 Outcome RecoveringEkf::on(const RangeBearing& z) { return correct(z); }
 Outcome RecoveringEkf::on(const Altitude& z) { return correct(z); }
 
@@ -201,6 +214,33 @@ Outcome RecoveringEkf::on(const LaserScan& z) {
   return {Verdict::kIgnored, Reason::kNotUsed};
 }
 
+/// Judges a pose by the estimate at its stamp.
+Outcome RecoveringEkf::watch(const PoseObservation& z) {
+  validate(z);
+  if (!tracker_) {
+    return {Verdict::kIgnored, Reason::kNotStarted};
+  }
+  if (!is_plausible(z, recipe_->config.start.estimator.limits)) {
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
+  }
+  if (z.stamp < belief().stamp) {
+    return {Verdict::kStale, Reason::kBeforeEstimate};
+  }
+  const PoseEstimate here = believed_at(z.stamp);
+  return watch_->on(z, here, health_of(here));
+}
+
+std::optional<WatchReport> RecoveringEkf::watched() const {
+  if (!watch_) {
+    return std::nullopt;
+  }
+  if (!tracker_) {
+    return WatchReport{};
+  }
+  const PoseEstimate here = believed();
+  return watch_->report(here, health_of(here));
+}
+
 template <class M>
 Outcome RecoveringEkf::drive(const M& u) {
   Outcome outcome{Verdict::kIgnored, Reason::kNotStarted};
@@ -209,6 +249,9 @@ Outcome RecoveringEkf::drive(const M& u) {
     if (conditioner_ && outcome.verdict != Verdict::kImplausible &&
         outcome.verdict != Verdict::kStale) {
       conditioner_->on(u);
+    }
+    if (watch_ && outcome.verdict == Verdict::kFused) {
+      watch_->on(u);
     }
     health_.advance(belief().stamp);
     listen();
@@ -455,14 +498,18 @@ Initializer::State RecoveringEkf::state() const {
   return {StartStatus::kReady, {}, {{estimate(), 1.0}}};
 }
 
+HealthReport RecoveringEkf::health_of(const PoseEstimate& here) const {
+  HealthReport report = health_.report(here);
+  if (places_ && places_->is_ambiguous() && report.state != HealthState::kLost) {
+    report.state = HealthState::kAmbiguous;
+    report.reason = HealthReason::kSeveralPlaces;
+  }
+  return report;
+}
+
 HealthReport RecoveringEkf::health() const {
   if (tracker_) {
-    HealthReport report = health_.report(believed());
-    if (places_ && places_->is_ambiguous() && report.state != HealthState::kLost) {
-      report.state = HealthState::kAmbiguous;
-      report.reason = HealthReason::kSeveralPlaces;
-    }
-    return report;
+    return health_of(believed());
   }
   HealthReport report;
   if (start_->state().status == StartStatus::kAmbiguous) {

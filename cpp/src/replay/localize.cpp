@@ -38,7 +38,7 @@ std::vector<Stamp> arrivals_of(const std::vector<LaserScan>& scans,
 LocalizeRun::Step step_of(const Mcl& mcl) {
   return {
       mcl.estimate(), mcl.hypotheses().front().probability,    mcl.explained(), mcl.belief().size,
-      mcl.ready(),    mcl.overall_estimate().sigma_position(), mcl.health()};
+      mcl.ready(),    mcl.overall_estimate().sigma_position(), mcl.health(),    mcl.watched()};
 }
 
 /// Replaces a step of the same stamp: where odometry is slower than scans, several are carried to

@@ -77,9 +77,13 @@ def run(
     if result.health is None or not len(result.health):
         return
     console.print(f"health: {sentence(result.health)}", soft_wrap=True)
+    watched = result.watched
+    if watched is not None and len(watched):
+        console.print(f"watched poses: {sentence(watched)}", soft_wrap=True)
     if result.health.state[-1] != "ok" or was_lost(result.health):
         console.print(f"locfuse check {config} looks for what is wrong", soft_wrap=True)
-    if fail_if_lost and was_lost(result.health):
+    lost = was_lost(result.health) or (watched is not None and was_lost(watched))
+    if fail_if_lost and lost:
         raise typer.Exit(3)
 
 

@@ -84,7 +84,9 @@ def build_health_config(health: Health) -> _core.HealthConfig:
     return config
 
 
-def build_mcl_config(mcl: Mcl, estimator: Estimator, seed: int) -> _core.MclConfig:
+def build_mcl_config(
+    mcl: Mcl, estimator: Estimator, seed: int, watch_poses: bool = False
+) -> _core.MclConfig:
     """Return the C++ struct with every value of `mcl`, and the wheels and sensors of `estimator`.
 
     `seed` counts where `mcl` has none of its own.
@@ -97,6 +99,7 @@ def build_mcl_config(mcl: Mcl, estimator: Estimator, seed: int) -> _core.MclConf
     if mcl.likelihood == "zhang":
         config.beam_model = _core.BeamModelConfig.gaussian_and_no_return()
     config.seed = seed if mcl.seed is None else mcl.seed
+    config.watch_poses = watch_poses
     return config
 
 
@@ -114,6 +117,7 @@ def build_start_config(config: RunConfig) -> _core.InitializerConfig:
     if config.mcl is not None:
         start.estimator.pose.shares_odometry = True
     start.tag_conditioner = build_tag_conditioner_config(config.tag_conditioner)
+    start.watch_poses = config.watch_poses
     return start
 
 

@@ -21,7 +21,7 @@ Longitude: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 SUBSCRIBED = ("odometry", "imu", "scans", "ranges", "poses", "positions", "landmark_sightings",
          "altitudes", "map", "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
-PUBLISHED = ("estimate", "path", "start", "mapped")
+PUBLISHED = ("estimate", "path", "start", "fallback", "mapped")
 POSE = "geometry_msgs/PoseWithCovarianceStamped"
 # What may come on the topic of a source; the first is the usual one.
 TYPES: dict[str, tuple[str, ...]] = {
@@ -211,6 +211,10 @@ class Topics(Strict):
     start: Name | None = None
     """Published latched once a start without a prior is `ready`: PoseWithCovarianceStamped for
     AMCL, usually `initialpose`.
+    """
+    fallback: Name | None = None
+    """Published with `watch_poses`: the last watched pose while it is not lost, else the estimate
+    unless that is lost, too: PoseWithCovarianceStamped.
     """
     mapped: Name | None = "locfuse/landmarks"
     """Published latched by an estimator that maps: locfuse_msgs/NamedPoints."""

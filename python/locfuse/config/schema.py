@@ -897,6 +897,8 @@ class RunConfig(Strict):
     """EKF that fuses everything but scans."""
     health: Health = Field(default_factory=Health)
     """Monitor of [how far the estimate may be trusted](health.md)."""
+    watch_poses: bool = False
+    """Judge the poses of another localizer [by the estimate](watch.md) instead of fusing them."""
     when_lost: Literal["restart", "go_on"] = "restart"
     """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` continues."""
     smooth: bool = False
@@ -997,6 +999,23 @@ class RunConfig(Strict):
                 "mcl.switch needs ranges or positions, which use leaves out; add them to use, or "
                 "remove the switch"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _poses_can_be_watched(self) -> RunConfig:
+        if not self.watch_poses:
+            return self
+        for key, is_there in (("mcl.poses_hz", self.mcl and self.mcl.poses_hz),
+                              ("smooth", self.smooth),
+                              ("estimator.kind landmark_slam, whose map is relative to its start",
+                               self.estimator.kind == "landmark_slam")):  # fmt: skip
+            if is_there:
+                raise ValueError(f"watch_poses does not go with {key}; remove one of the two")
+        if "poses" not in self.use:
+            raise ValueError("watch_poses judges poses, which use leaves out; add 'poses' to use")
+        if self.use == ["poses"] and self.mcl is None and self.scan_odometry is None:
+            raise ValueError("watch_poses judges poses by what else is fused, but use names poses "
+                             "alone; add other sources to use, or set mcl")  # fmt: skip
         return self
 
     @model_validator(mode="after")

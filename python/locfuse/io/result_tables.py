@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.io.csv_table import number_texts, stamp_texts, write_table
-from locfuse.types import FloatArray, Health, MappedLandmarks, Outcomes, Trajectory
+from locfuse.types import FloatArray, Health, MappedLandmarks, Outcomes, Trajectory, Watched
 
 
 def write_estimate(path: Path, estimate: Trajectory, health: Health | None = None) -> None:
@@ -54,7 +54,10 @@ def write_landmarks(path: Path, landmarks: MappedLandmarks) -> None:
 
 
 def write_health(path: Path, health: Health) -> None:
-    """Write ``health.csv``: state, probabilities and protection levels over time."""
+    """Write ``health.csv``: state, probabilities and protection levels over time.
+
+    Of watched poses, ``watched.csv``, with their offset from the estimate.
+    """
     header = ["stamp_s", "state", "within", "wrong", "protection_x_m", "protection_y_m",
               "protection_heading_rad", "reason"]  # fmt: skip
     columns = [
@@ -66,4 +69,7 @@ def write_health(path: Path, health: Health) -> None:
           for level in health.protection.T),
         health.reason.tolist(),
     ]  # fmt: skip
+    if isinstance(health, Watched):
+        header += ["error_x_m", "error_y_m", "error_heading_rad"]
+        columns += [number_texts(error) for error in health.error.T]
     write_table(path, header, columns)

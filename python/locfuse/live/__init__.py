@@ -2,6 +2,6 @@
 """A live run: messages arrive one by one, as on a robot."""
 
 from locfuse.live.rows import Row
-from locfuse.live.run import MAX_KEPT, LiveHealth, LivePose, LiveRun, LiveSource
+from locfuse.live.run import MAX_KEPT, LiveHealth, LivePose, LiveRun, LiveSource, LiveWatched
 
-__all__ = ["MAX_KEPT", "LiveHealth", "LivePose", "LiveRun", "LiveSource", "Row"]
+__all__ = ["MAX_KEPT", "LiveHealth", "LivePose", "LiveRun", "LiveSource", "LiveWatched", "Row"]

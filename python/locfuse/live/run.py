@@ -14,7 +14,7 @@ from locfuse.config.build import build_anchors, build_cylinder_detector
 from locfuse.config.schema import USABLE, RunConfig
 from locfuse.live.rows import Message, Row, Rows, effective_ns, reported_covariance
 from locfuse.run.cylinders import ONE_LASER
-from locfuse.run.health import name_of, reason_of
+from locfuse.run.health import name_of, reason_of, watch_reasons
 from locfuse.run.mcl import LIKELY, PoseTicks, live_mcl, mcl_on
 from locfuse.run.messages import landmark_sight
 from locfuse.run.odometry import odometry_timeline, uses_gyro
@@ -59,6 +59,17 @@ class LiveHealth:
     within: float
     wrong: float
     protection: FloatArray
+
+
+@dataclass(frozen=True)
+class LiveWatched(LiveHealth):
+    """How far the poses of another localizer may be trusted, as known now.
+
+    As `LiveHealth`, of its last pose, carried on by odometry: `error`, shape (3,), is that less the
+    estimate, x [m], y [m] and heading [rad]; NaN until there are both.
+    """
+
+    error: FloatArray
 
 
 @dataclass(frozen=True)
@@ -445,6 +456,18 @@ class LiveRun:
             places = sum(h.probability >= LIKELY for h in self._on_map.hypotheses)
             reason = f"{places} places on the map fit"
         return LiveHealth(state, reason, report.within, report.wrong, report.protection)
+
+    def watched(self) -> LiveWatched | None:
+        """Return how far watched poses may be trusted; None without ``watch_poses``."""
+        if not self.config.watch_poses:
+            return None
+        of = self._on_map if self._filter is None else self._filter
+        report = None if of is None else of.watched()
+        if report is None:
+            report = _core.WatchReport()
+        reason = watch_reasons(self.config.health.aiding_lost_s)[report.reason]
+        return LiveWatched(report.state.name.lower(), reason, report.within, report.wrong,
+                           report.protection, report.error)  # fmt: skip
 
     def sources(self) -> list[LiveSource]:
         """Return the status of each source that was fused or gated."""

@@ -52,6 +52,11 @@ _CAPTIONS = {
         "How far the estimate could be trusted, as the filter judged: the background is the "
         "state, and health.csv has the reasons.",
     ),
+    "watched": (
+        "Watched poses",
+        "How far the poses of the other localizer could be trusted, as the estimate without them "
+        "judged: the background is the state, and watched.csv has the reasons.",
+    ),
     "nis": (
         "Innovations",
         "Normalised innovation squared (NIS) of each message that was compared with a prediction: "
@@ -75,9 +80,9 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
 
     The folder is created if missing. ``report.html`` is written and, with matplotlib, ``path.png``,
     ``nis.png``, ``outcomes.png``, where the run has them also ``errors.png`` (needs truth),
-    ``start.png``, ``height.png`` and ``health.png``. Returns ``report.html`` with player and
-    pictures inside it, smaller than 8 MB: the player decimates the rows of a long run. Raises
-    ValueError if the estimate is empty, OSError if the folder cannot be written.
+    ``start.png``, ``height.png``, ``health.png`` and ``watched.png``. Returns ``report.html`` with
+    player and pictures inside it, smaller than 8 MB: the player decimates the rows of a long run.
+    Raises ValueError if the estimate is empty, OSError if the folder cannot be written.
     """
     out_dir.mkdir(parents=True, exist_ok=True)
     files = _draw(result, out_dir)
@@ -85,7 +90,7 @@ def write_report(result: RunResult, out_dir: Path) -> Path:
     for name, file in files.items():
         if file is not None:
             pictures.append(_picture(name, file, result))
-        elif name not in ("start", "health", "height"):  # most runs have none
+        elif name not in ("start", "health", "height", "watched"):  # most runs have none
             pictures.append(_missing(name, result))
     if not files:
         pictures.append(f'<p class="quiet">{escape(NO_PICTURES)}</p>')
@@ -119,6 +124,7 @@ def _draw(result: RunResult, out_dir: Path) -> dict[str, Path | None]:
         ("errors", plot.plot_errors),
         ("height", plot.plot_height),
         ("health", plot.plot_health),
+        ("watched", plot.plot_watched),
         ("nis", plot.plot_nis),
     ):
         figure = draw(result)

@@ -17,7 +17,7 @@ from locfuse.report.report import PICTURES, write_report
 from locfuse.types import RunResult
 
 # Of an earlier run, if this one has none.
-OWNED = ("truth.tum", "health.csv", "landmarks.csv", *PICTURES)
+OWNED = ("truth.tum", "health.csv", "watched.csv", "landmarks.csv", *PICTURES)
 
 
 def write_results(result: RunResult, folder: str | Path) -> Path:
@@ -27,8 +27,8 @@ def write_results(result: RunResult, folder: str | Path) -> Path:
     Returns ``report.html``. Beside it: ``config.yaml`` (effective), ``estimate.tum``, ``truth.tum``
     (only with truth; interpolated to the estimate's stamps, the pairs that ``metrics.json``
     compares), ``estimate.csv`` (with covariance), ``outcomes.csv`` (one row per message),
-    ``health.csv``, ``landmarks.csv`` (of an estimator that maps), ``metrics.json`` and, with
-    matplotlib, the pictures.
+    ``health.csv``, ``watched.csv`` (of poses that are watched), ``landmarks.csv`` (of an estimator
+    that maps), ``metrics.json`` and, with matplotlib, the pictures.
     """
     with whole_folder(folder, OWNED) as stage:
         _write(result, stage)
@@ -50,6 +50,8 @@ def _write(result: RunResult, folder: Path) -> None:
     write_outcomes(folder / "outcomes.csv", result.outcomes)
     if result.health is not None:
         write_health(folder / "health.csv", result.health)
+    if result.watched is not None:
+        write_health(folder / "watched.csv", result.watched)
     if result.landmarks is not None:
         write_landmarks(folder / "landmarks.csv", result.landmarks)
     metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)

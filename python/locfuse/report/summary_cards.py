@@ -35,7 +35,9 @@ def cards(result: RunResult) -> str:
     if metrics.get("nees_mean") is not None:
         shown.append(_nees_card(metrics))
     if result.health is not None and len(result.health):
-        shown.append(_health_card(result.health))
+        shown.append(_health_card(result.health, "of the time ok"))
+    if result.watched is not None and len(result.watched):
+        shown.append(_health_card(result.watched, "of the time watched poses were ok"))
     if metrics.get("mcl") is not None:
         shown += _mcl_cards(metrics["mcl"])
     if metrics.get("mapping") is not None:
@@ -52,12 +54,12 @@ def cards(result: RunResult) -> str:
     return '<div class="cards">\n' + "\n".join(shown) + "\n</div>"
 
 
-def _health_card(health: Health) -> str:
+def _health_card(health: Health, text: str) -> str:
     share = shares(health).get("ok", 0.0)
     good = health.state[-1] == "ok" and not was_lost(health)
     word = "lost at times" if was_lost(health) else str(health.state[-1]).replace("_", " ")
     verdict = f'<span class="{"good" if good else "bad"}">{"ok" if good else word}</span>'
-    return _card(percent(share), f"of the time ok; {sentence(health)}", verdict)
+    return _card(percent(share), f"{text}; {sentence(health)}", verdict)
 
 
 def _nees_card(metrics: Mapping[str, Any]) -> str:

@@ -114,6 +114,7 @@ class Adapter:
     def _clear(self) -> None:
         self._wheels = self._new_wheels()
         self._driven = Odometry()
+        self._watched: LivePose | None = None  # the last pose that is watched
         self._fixes = Fixes(self._config.ros.gps_origin)
         self._fixes_wait = False  # for transforms
         self._antennas: set[str] = set()  # frames of fixes that nothing placed
@@ -165,6 +166,7 @@ class Adapter:
             (topics.estimate, POSE, False),
             (topics.path, "nav_msgs/Path", False),
             (topics.start, POSE, True),
+            (topics.fallback if self._config.watch_poses else None, POSE, False),
             (topics.mapped if self._maps else None, "locfuse_msgs/NamedPoints", True),
         ):
             if topic is not None:
@@ -330,7 +332,11 @@ class Adapter:
         check_frame("poses", row.frame, self._config.ros.frames.map)
         self._in_time(row.stamp_ns, topic)
         found = rows.pose_row(row)
-        self._look_at_sigma("poses", topic, found["sigma_xy_m"])
+        if self._config.watch_poses:
+            self._watched = LivePose(row.stamp_ns, np.array([row.x, row.y, row.heading]),
+                                     row.covariance)  # fmt: skip
+        else:
+            self._look_at_sigma("poses", topic, found["sigma_xy_m"])
         self._feed("poses", found)
 
     def _position(self, message: Any, topic: str) -> None:
@@ -532,9 +538,23 @@ class Adapter:
         pose = self._live.fused() if fused else newest
         assert pose is not None
         published = self._publications.pose(pose) + self._publications.start(newest)
+        published += self._fallback(source, pose)
         if source == "odometry":
             published += self._publications.transform(newest, self._driven)
         return published
+
+    def _fallback(self, source: str, estimate: LivePose) -> list[Publication]:
+        """Publish the watched pose as it comes, and while that is lost the estimate."""
+        assert self._live is not None
+        watched = self._live.watched()
+        if watched is None or self._config.ros.topics.fallback is None:
+            return []
+        if watched.state != "lost":
+            if source != "poses" or self._watched is None:
+                return []
+            return self._publications.fallback(self._watched)
+        is_lost = self._live.health().state in ("lost", "initializing")
+        return [] if is_lost else self._publications.fallback(estimate)
 
     def health(self, now_ns: int) -> LiveHealth:
         """Return how far the pose may be trusted; what has fallen silent is not."""
@@ -553,6 +573,8 @@ class Adapter:
     def _diagnostics(self, now_ns: int) -> Publication:
         statuses = [health_status(self.health(now_ns))]
         if self._live is not None:
+            if (watched := self._live.watched()) is not None:
+                statuses.append(health_status(watched, "watched poses"))
             stamp = now_ns if self._live.received_ns is None else self._live.received_ns
             statuses += [source_status(source, stamp) for source in self._live.sources()]
             statuses.append(self._counts())

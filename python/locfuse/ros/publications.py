@@ -66,6 +66,7 @@ class PublicationBuilder:
         self._path_ns: int | None = None
         self._map_to_odom: tuple[float, float, float] | None = None
         self._transform_ns: int | None = None
+        self._fallback_ns: int | None = None
         self._start_pose: LivePose | None = None
 
     def mapped(self, landmarks: MappedLandmarks | None, now_ns: int) -> list[Publication]:
@@ -134,7 +135,7 @@ class PublicationBuilder:
 
     def clock_went_back(self) -> None:
         """Forget the published stamps: they are of another time."""
-        self._transform_ns = self._path_ns = None
+        self._transform_ns = self._path_ns = self._fallback_ns = None
         self._path.clear()
 
     def start(self, pose: LivePose) -> list[Publication]:
@@ -151,6 +152,14 @@ class PublicationBuilder:
         return encode.pose_with_covariance(topic, pose.stamp_ns, pose.pose.tolist(),
                                            pose.covariance, self._map, latched, height)  # fmt: skip
 
+    def fallback(self, pose: LivePose) -> list[Publication]:
+        """Publish the safe choice between a watched pose and the estimate; later ones only."""
+        topic = self._ros.topics.fallback
+        if topic is None or (self._fallback_ns is not None and pose.stamp_ns <= self._fallback_ns):
+            return []
+        self._fallback_ns = pose.stamp_ns
+        return [self._pose_on(topic, pose)]
+
     def start_is_open(self) -> None:
         """Publish the next start, too."""
         self._start_pose = None
@@ -160,10 +169,10 @@ class PublicationBuilder:
         return self._start_pose is not None and self._start_pose.stamp_ns == stamp_ns
 
 
-def health_status(health: LiveHealth) -> encode.Fields:
-    """Return the status of the localization as a whole."""
+def health_status(health: LiveHealth, of: str = "localization") -> encode.Fields:
+    """Return the status of the localization as a whole, or of watched poses."""
     return encode.health_status(health.state, health.reason, health.within, health.wrong,
-                                health.protection.tolist())  # fmt: skip
+                                health.protection.tolist(), of)  # fmt: skip
 
 
 def source_status(source: LiveSource, now_ns: int) -> encode.Fields:

@@ -10,8 +10,9 @@ import numpy as np
 
 from locfuse import _core
 from locfuse.config.schema import RunConfig
+from locfuse.eval.trust import shares
 from locfuse.run.messages import Messages
-from locfuse.types import Health
+from locfuse.types import Health, Watched
 
 STATES = np.array([state.name.lower() for state in _core.HealthState])
 
@@ -73,11 +74,53 @@ def _sentences(aiding_lost_s: float, limit_m: float) -> dict[_core.HealthReason,
     }  # fmt: skip
 
 
+def watched_of(record: _core.RunLog | _core.LocalizeRun, config: RunConfig) -> Watched | None:
+    """Return how far the poses that a run watches may be trusted; None where it watches none."""
+    if not config.watch_poses:
+        return None
+    reports = record.watched
+    reasons = watch_reasons(config.health.aiding_lost_s)
+    return Watched(
+        stamp_ns=np.array([one.stamp for one in reports], np.int64),
+        state=np.array([one.state.name.lower() for one in reports], dtype=np.str_),
+        within=np.array([one.within for one in reports], np.float64),
+        wrong=np.array([one.wrong for one in reports], np.float64),
+        protection=np.array([one.protection for one in reports], np.float64).reshape(-1, 3),
+        reason=np.array([reasons[one.reason] for one in reports], dtype=np.str_),
+        error=np.array([one.error for one in reports], np.float64).reshape(-1, 3),
+    )
+
+
+@cache
+def watch_reasons(aiding_lost_s: float) -> dict[_core.WatchReason, str]:
+    """Return why watched poses are as they are, as sentences; empty where all is well."""
+    return {
+        _core.WatchReason.NONE: "",
+        _core.WatchReason.NO_ESTIMATE: "there is no estimate to judge poses by yet",
+        _core.WatchReason.NO_POSE: "no pose has been received yet",
+        _core.WatchReason.FAR_OFF: "poses are too far from the estimate",
+        _core.WatchReason.CONTRADICTED: "measurements speak against the place of poses and "
+                                        "estimate",
+        _core.WatchReason.JUMPED: "poses moved as odometry did not",
+        _core.WatchReason.SIGMAS_TOO_SMALL: "poses are farther off than their sigmas say",
+        _core.WatchReason.SILENT: f"no pose for {aiding_lost_s:g} s or longer, while the robot "
+                                  "moved",
+        _core.WatchReason.UNVERIFIED: "the estimate is too vague, or lost, and cannot judge poses",
+    }  # fmt: skip
+
+
+def watched_metrics(watched: Watched | None) -> dict[str, Any] | None:
+    """Return the entry ``watched`` of ``metrics.json``."""
+    if watched is None or not len(watched):
+        return None
+    lost = np.concatenate([[False], watched.state == "lost"])
+    return {"share": shares(watched), "alarms": int(np.sum(lost[1:] & ~lost[:-1]))}
+
+
 def health_metrics(health: Health, alarms: int, restarts: int) -> dict[str, Any]:
     """Return the entry ``health`` of ``metrics.json``."""
-    states, counts = np.unique(health.state, return_counts=True)
     return {
-        "share": dict(zip(states.tolist(), (counts / max(len(health), 1)).tolist(), strict=True)),
+        "share": shares(health),
         "alarms": alarms,
         "restarts": restarts,
         "protection_available": float(np.mean(np.isfinite(health.protection[:, 0])))

@@ -19,7 +19,7 @@ from locfuse.config.build import (
     build_switching_config,
 )
 from locfuse.config.schema import RunConfig
-from locfuse.run.health import health_of
+from locfuse.run.health import health_of, watched_of
 from locfuse.run.messages import Messages, cut_off, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.run.missing_inputs import how_to_add
 from locfuse.run.start import grid_of, hypotheses_of, scans_of, start_of
@@ -33,6 +33,7 @@ from locfuse.types import (
     LogError,
     Start,
     Trajectory,
+    Watched,
 )
 
 _MAX_FRAMES = 700  # of a run, so that a long one stays small: a minute at ten scans a second
@@ -70,6 +71,8 @@ class Localization:
         That it took.
     health : Health
         How far the estimates may be trusted, a row for each.
+    watched : Watched or None
+        How far watched poses may be, with ``watch_poses``.
     injections : tuple of Injection
         When UWB took over, where ``mcl`` has a switch.
     reports : tuple of LocalizeReport
@@ -90,6 +93,7 @@ class Localization:
     start: Start | None
     wall_s: float
     health: Health
+    watched: Watched | None = None
     injections: tuple[_core.Injection, ...] = ()
     reports: tuple[_core.LocalizeReport, ...] = ()
     frames: tuple[Frame, ...] = ()
@@ -145,7 +149,7 @@ def mcl_on(
     Raises ValueError where the map has no free or no occupied cell.
     """
     assert config.mcl is not None
-    settings = build_mcl_config(config.mcl, config.estimator, config.seed)
+    settings = build_mcl_config(config.mcl, config.estimator, config.seed, config.watch_poses)
     settings.health = build_health_config(config.health)
     mcl = _core.Mcl(settings, _core.World(*radios, landmarks, grid), begin_ns)
     if start is not None:
@@ -218,6 +222,7 @@ def localize(
             start=None if search is None else search.start(begin),
             wall_s=wall_s,
             health=health_of(run, messages, config),
+            watched=watched_of(run, config),
             injections=tuple(mcl.injections),
             reports=tuple(run.reports) if config.mcl and config.mcl.poses_hz is not None else (),
             frames=tuple(film.frames),

@@ -56,6 +56,7 @@ SENTENCES = {
     "covered": "something covers the laser",
     "numerical": "leaves no finite result",
     "replaced": "made again after a late message",
+    "watched": "judged by the estimate, not fused",
 }  # fmt: skip
 
 

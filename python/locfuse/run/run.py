@@ -19,7 +19,7 @@ from locfuse.eval.readiness import readiness
 from locfuse.io.log_folder import read_log
 from locfuse.io.recording import convert_dataset, read_recording
 from locfuse.run.cylinders import with_cylinders
-from locfuse.run.health import health_metrics, health_of
+from locfuse.run.health import health_metrics, health_of, watched_metrics, watched_of
 from locfuse.run.mcl import Localization, Stopwatch, localize, with_poses_of
 from locfuse.run.messages import (
     Messages,
@@ -135,6 +135,8 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
             if source in config.use and len(log.tables.get(source, {}).get("stamp_ns", ())):
                 _logger.warning("the log has %s, which are ignored: %s", source, why)
     for source, column in (("positions", "sigma_m"), ("poses", "sigma_xy_m")):
+        if source == "poses" and config.watch_poses:
+            continue
         sigmas = log.tables.get(source, {}).get(column, np.zeros(0))
         unknown, key = int(np.sum(sigmas <= 0.0)), sigma_key(source, config.estimator)
         if unknown and key and source in config.use and config.mcl is None:
@@ -252,7 +254,7 @@ def _fused(
         outcomes = with_scans(outcomes, localization, log, config)
         wall_s += localization.wall_s
     duration_s = (messages.end_ns - messages.begin_ns) / NANOSECONDS
-    health = health_of(record, messages, config)
+    health, watched = health_of(record, messages, config), watched_of(record, config)
     landmarks = mapped_landmarks(config, record.landmarks, messages.landmark_names)
     figures = {
         **metrics(estimate, truth_of(log), outcomes, duration_s, wall_s),
@@ -261,11 +263,12 @@ def _fused(
         "dropped_messages": record.dropped_messages,
         "noise_factors": _noise_factors(config, record),
         "health": health_metrics(health, record.alarms, record.restarts),
+        "watched": watched_metrics(watched),
         **mapping_metrics(config, log, landmarks),
     }
     result = _result(config, log, estimate, outcomes, figures, started.found, localization,
                      record.errors, messages.anchor_names)  # fmt: skip
-    return replace(result, health=health, landmarks=landmarks)
+    return replace(result, health=health, landmarks=landmarks, watched=watched)
 
 
 def _beginning(log: Log, messages: Messages, done: int) -> tuple[Log, Messages]:
@@ -306,10 +309,11 @@ def _located(config: RunConfig, log: Log, localization: Localization) -> RunResu
         **metrics(estimate, truth_of(log), outcomes, duration_s, localization.wall_s),
         **dict.fromkeys(("interventions", "clock_jumps", "dropped_messages", "noise_factors")),
         "health": health_metrics(localization.health, alarms, alarms - int(lost[-1])),
+        "watched": watched_metrics(localization.watched),
     }
     outcomes = with_switches(outcomes, localization)
     result = _result(config, log, estimate, outcomes, figures, found, localization)
-    return replace(result, health=localization.health)
+    return replace(result, health=localization.health, watched=localization.watched)
 
 
 def _result(

@@ -135,7 +135,7 @@ class WorldTab:
                 forms.fields(schema.RunConfig, (), [
                     "start", "when_lost", "use", "anchors", "start_sigma", "estimator", "mcl",
                     "cylinders", "scan_odometry", "tag_conditioner", "initializer",
-                    "health"])  # fmt: skip
+                    "health", "watch_poses"])  # fmt: skip
             with self._section("Delivery"):
                 forms.fields(schema.RunConfig, (), ["history_s", "history_messages", "clock_jump",
                                                     "switched_off"])  # fmt: skip

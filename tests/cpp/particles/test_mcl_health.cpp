@@ -238,5 +238,32 @@ TEST(MclHealth, poses_are_recorded_by_their_innovations) {
   EXPECT_EQ(robot.mcl.sources().front().accepted, 1.0);
 }
 
+TEST(MclHealth, watches_poses_which_weigh_no_particles) {
+  Mcl::Config watching = good_wheels();
+  watching.watch_poses = true;
+  Robot with(7, watching);
+  Robot without(7);
+  EXPECT_FALSE(without.mcl.watched().has_value());
+  EXPECT_EQ(with.mcl.watched()->reason, WatchReason::kNoEstimate);
+  for (int k = 0; k < 60; ++k) {
+    with.step(1);
+    without.step(1);
+    const double off = k >= 20 && k < 40 ? 3.0 : 0.0;
+    const PoseObservation z{with.stamp, with.pose * Pose2{off, 0.0, 0.0},
+                            1e-3 * Matrix<3, 3>::Identity()};
+    const Outcome outcome = with.mcl.on(z);
+    if (k == 0) {
+      continue;  // of its first scan it is not sure
+    }
+    EXPECT_EQ(outcome.reason, Reason::kWatched);
+    EXPECT_EQ(with.mcl.watched()->state, off > 0.0 ? HealthState::kLost : HealthState::kOk) << k;
+    EXPECT_NEAR(with.mcl.watched()->error.head<2>().norm(), off, 0.3);
+  }
+  EXPECT_EQ(with.mcl.belief().x, without.mcl.belief().x);
+  EXPECT_EQ(with.mcl.belief().weight, without.mcl.belief().weight);
+  PoseObservation late{0, with.pose, 1e-3 * Matrix<3, 3>::Identity()};
+  EXPECT_EQ(with.mcl.on(late).verdict, Verdict::kStale);
+}
+
 }  // namespace
 }  // namespace locfuse::test_mcl_health

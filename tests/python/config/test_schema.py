@@ -79,8 +79,8 @@ OF_THE_RUN = {
 }  # keys that say more, or other things, than the struct
 LATENCY = "latency_s"  # of the run: the struct gets stamps without it
 BESIDE = {
-    "Mcl": {"health", *ROBOT},
-    "Initializer": {"method", "estimator", "tag_conditioner"},
+    "Mcl": {"health", "watch_poses", *ROBOT},
+    "Initializer": {"method", "estimator", "tag_conditioner", "watch_poses"},
 }  # of the struct, set by other keys
 
 

@@ -47,6 +47,7 @@ enum class Reason : std::uint8_t {
   kCovered,      ///< a scan of a laser that something covers
   kNumerical,    ///< it leaves no finite result
   kReplaced,     ///< a motion that was made again after a late message
+  kWatched,      ///< a pose that is judged, not fused: PoseWatch
 };
 
 /// Verdict on one message, with the numbers behind it. NaN and 0 dof where nothing was compared; of

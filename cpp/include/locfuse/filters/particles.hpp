@@ -7,6 +7,7 @@
 
 #include "locfuse/filters/workers.hpp"
 #include "locfuse/geometry/pose2.hpp"
+#include "locfuse/geometry/uncertain_motion.hpp"
 #include "locfuse/time.hpp"
 
 /// Particle filter over poses: the only code that changes a ParticleBelief. Random numbers depend
@@ -54,14 +55,7 @@ struct ParticleBelief {
   static constexpr int kMost = kMaxSize;
 };
 
-/// A motion in the previous body frame with the covariance of (forward, left, heading): lengths in
-/// cells.
-struct UncertainMotion {
-  Pose2 motion;
-  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
-};
-
-/// Moves each particle by its own draw from `step`; eq. (1).
+/// Moves each particle by its own draw from `step`, whose lengths are in cells; eq. (1).
 void move(ParticleBelief& belief, const UncertainMotion& step, std::uint64_t key, Workers& workers);
 
 /// Multiplies weights by exp(share * log_likelihood[i]) and makes them sum to 1; eq. (2).

@@ -19,6 +19,7 @@
 #include "locfuse/particles/mcl_recipe.hpp"
 #include "locfuse/particles/mcl_recovery.hpp"
 #include "locfuse/recovery/health.hpp"
+#include "locfuse/recovery/pose_watch.hpp"
 
 namespace locfuse {
 
@@ -97,6 +98,8 @@ class Mcl {
   /// How far the estimate may be trusted; docs/health.md.
   [[nodiscard]] HealthReport health() const;
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
+  /// How far the poses that it watches may be trusted; empty unless it watches poses.
+  [[nodiscard]] std::optional<WatchReport> watched() const;
 
   [[nodiscard]] const ParticleBelief& belief() const { return filter_.belief(); }
   [[nodiscard]] const Config& config() const { return recipe_->config; }
@@ -118,6 +121,7 @@ class Mcl {
   };
 
   [[nodiscard]] PoseEstimate believed() const;
+  [[nodiscard]] PoseEstimate believed_at(Stamp stamp) const;
   [[nodiscard]] HealthReport report_of(const PoseEstimate& here) const;
   void restart(Stamp stamp, bool anywhere);
   void advance_to(Stamp stamp);
@@ -127,6 +131,7 @@ class Mcl {
   void propagate_particles();
   [[nodiscard]] std::optional<LaserScan> propagate_particles(const LaserScan& scan);
   [[nodiscard]] bool has_scan() const { return !tracking_.since_scan.empty(); }
+  [[nodiscard]] Outcome watch(const PoseObservation& z);
   [[nodiscard]] bool has_moved(const LaserScan& scan) const;
   [[nodiscard]] ScanEvidence evidence_of_prediction(const LaserScan& z) const;
   Outcome take(const LaserScan& z);
@@ -148,6 +153,7 @@ class Mcl {
   internal::MapSharpness sharpness_;
   internal::ParticleRecovery recovery_;
   internal::MclHealth health_;
+  std::optional<PoseWatch> watch_;
   internal::RandomKeys keys_;
   HeldMotion odometry_;
   Tracking tracking_;

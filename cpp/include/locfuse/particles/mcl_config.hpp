@@ -96,6 +96,8 @@ struct MclConfig {
   RangeBearingModel::Config landmark;
   Limits limits;
   Health::Config health;
+  /// Whether poses are of a localizer that a PoseWatch judges; they do not weigh particles then.
+  bool watch_poses = false;
 };
 
 }  // namespace locfuse

@@ -100,8 +100,9 @@ class ParticleFilter {
   [[nodiscard]] bool is_converged() const;
   /// A pose at the belief's stamp, carried along the pending motion.
   [[nodiscard]] PoseEstimate predicted(const PoseEstimate& from) const;
-  /// A pose at the belief's stamp, carried to where odometry ends.
-  [[nodiscard]] PoseEstimate predicted(const PoseEstimate& from, const HeldMotion& odometry) const;
+  /// A pose at the belief's stamp, carried on by odometry to a stamp that is not before.
+  [[nodiscard]] PoseEstimate predicted(const PoseEstimate& from, const HeldMotion& odometry,
+                                       Stamp end) const;
   /// The likeliest pose with the covariance of all clusters about their mean, at the belief's
   /// stamp.
   [[nodiscard]] PoseEstimate overall() const;

@@ -64,6 +64,8 @@ class Initializer {
     /// Sigma of the position at a start, or that of one position fix where it is larger [m]
     double sigma_xy_ready_m = 0.5;
     double sigma_heading_ready_rad = 0.087;  ///< [rad]
+    /// Whether poses are of a localizer that a PoseWatch judges, so that nothing here uses them.
+    bool watch_poses = false;
   };
 
   using Hypothesis = PoseHypothesis;

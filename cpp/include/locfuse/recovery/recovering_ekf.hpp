@@ -9,6 +9,7 @@
 #include "locfuse/recovery/air_sum.hpp"
 #include "locfuse/recovery/health.hpp"
 #include "locfuse/recovery/initializer.hpp"
+#include "locfuse/recovery/pose_watch.hpp"
 #include "locfuse/recovery/tracker.hpp"
 
 namespace locfuse {
@@ -25,6 +26,9 @@ namespace locfuse {
 /// With a `tag_conditioner` fixes of tags are conditioned before the tracker fuses them. One that
 /// is rejected is kImplausible, with the distance and the limit of ConditionedFix as `residual` and
 /// `limit`. The conditioner is a part of this value, so that a Timeline rewinds it for a late fix.
+///
+/// With `start.watch_poses` poses are those of another localizer, which a PoseWatch judges by the
+/// estimate: they are kIgnored with kWatched, and change no bit of it.
 ///
 /// A cheap value. Every `on` throws std::invalid_argument for a message that is not valid.
 class RecoveringEkf {
@@ -92,6 +96,8 @@ class RecoveringEkf {
   /// How far its estimate may be trusted.
   [[nodiscard]] HealthReport health() const;
   [[nodiscard]] const std::vector<SourceStatus>& sources() const { return health_.sources(); }
+  /// How far the poses that it watches may be trusted; empty unless it watches poses.
+  [[nodiscard]] std::optional<WatchReport> watched() const;
   /// The stamp of `current` [ns]: that of the belief, or of the last measurement where for
   /// kReportEvery none has changed the belief. Throws std::logic_error unless it has started.
   [[nodiscard]] Stamp stamp() const;
@@ -153,7 +159,10 @@ class RecoveringEkf {
   void decide();
   template <class Feed>
   [[nodiscard]] bool search(const Feed& feed);
+  [[nodiscard]] Outcome watch(const PoseObservation& z);
   [[nodiscard]] PoseEstimate believed() const;
+  [[nodiscard]] PoseEstimate believed_at(Stamp stamp) const;
+  [[nodiscard]] HealthReport health_of(const PoseEstimate& here) const;
   [[nodiscard]] PoseEstimate doubted(const PoseEstimate& estimate) const;
   [[nodiscard]] const Tracker& started() const;
   [[nodiscard]] Initializer fresh() const;  // with the last odometry
@@ -165,6 +174,7 @@ class RecoveringEkf {
   std::optional<AirSum> places_;               // whose mean an AirEkf is while its belief is vague
   std::optional<TagConditioner> conditioner_;  // of the fixes that the tracker fuses
   Health health_;
+  std::optional<PoseWatch> watch_;
   std::optional<std::variant<Velocity, Increment>> control_;  // the last odometry
   Stamp newest_ = 0;  // of the measurements received while it tracked, fused or not
   bool was_lost_ = false;

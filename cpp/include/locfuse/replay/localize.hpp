@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "locfuse/replay/live_mcl.hpp"
@@ -20,6 +21,7 @@ struct LocalizeRun {
     bool ready;
     double sigma;  ///< of all particles, largest half axis of their ellipse [m]
     HealthReport health;
+    std::optional<WatchReport> watched;  ///< where it watches poses
   };
   /// A pose after the turn of a scan, as a robot has it.
   struct Report {

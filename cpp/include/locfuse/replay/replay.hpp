@@ -30,6 +30,7 @@ struct RunLog {
   AdaptiveNoise adaptive{{}};           ///< variance factors of a PoseEkf, at the end
   std::vector<LandmarkEstimate> landmarks;  ///< the map of a LandmarkEkf, at the end
   std::vector<HealthReport> health;         ///< of a RecoveringEkf, ten per second
+  std::vector<WatchReport> watched;         ///< with each of those, where it watches poses
   std::vector<SourceStatus> sources;        ///< of a RecoveringEkf, at the end
   int alarms = 0;                           ///< how often a RecoveringEkf was lost
   int restarts = 0;                         ///< how often it then relocalized elsewhere
@@ -73,6 +74,9 @@ inline void keep_health(RunLog& /*run*/, const PoseEkf& /*ekf*/) {}
 inline void keep_health(RunLog& run, const RecoveringEkf& ekf) {
   if (run.health.empty() || ekf.stamp() - run.health.back().stamp >= RecoveringEkf::kReportEvery) {
     run.health.push_back(ekf.health());
+    if (const std::optional<WatchReport> watched = ekf.watched()) {
+      run.watched.push_back(*watched);
+    }
   }
 }
 
@@ -152,6 +156,7 @@ class RunRecorder {
       run_.estimates.clear();
       run_.in_space.clear();
       run_.health.clear();
+      run_.watched.clear();
     }
   }
   /// The results so far.

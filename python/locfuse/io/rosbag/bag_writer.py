@@ -154,13 +154,18 @@ class _BagStreams:
         if health is None:
             return
         stamps = health.stamp_ns + self.shift
+        said = {"localization": health}
+        if result.watched is not None:  # a row with each of health
+            said["watched poses"] = result.watched
 
         def statuses() -> Iterator[Publication]:
             for row, stamp in enumerate(stamps.tolist()):
-                status = encode.health_status(str(health.state[row]), str(health.reason[row]),
-                                              float(health.within[row]), float(health.wrong[row]),
-                                              health.protection[row].tolist())  # fmt: skip
-                yield encode.diagnostics(stamp, [status])
+                yield encode.diagnostics(stamp, [
+                    encode.health_status(str(one.state[row]), str(one.reason[row]),
+                                         float(one.within[row]), float(one.wrong[row]),
+                                         one.protection[row].tolist(), of)
+                    for of, one in said.items()
+                ])  # fmt: skip
 
         yield publications.Stream(stamps, statuses())
 

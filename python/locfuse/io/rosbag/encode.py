@@ -177,9 +177,14 @@ def _text(value: object) -> str:
 
 
 def health_status(
-    state: str, reason: str, within: float, wrong: float, protection: Sequence[float]
+    state: str,
+    reason: str,
+    within: float,
+    wrong: float,
+    protection: Sequence[float],
+    of: str = "localization",
 ) -> Fields:
-    """Return the status of a health report.
+    """Return the status of a health report, `of` the localization or of watched poses.
 
     `state` is ``ok``, ``degraded``, ``dead_reckoning``, ``lost`` and so on; `reason` says in words
     why it is not ``ok``. `within` and `wrong` are probabilities that the position error is below
@@ -188,7 +193,7 @@ def health_status(
     x, y, heading = map(float, protection)
     values = {"state": state, "within": float(within), "wrong": float(wrong), "protection_x_m": x,
               "protection_y_m": y, "protection_heading_rad": heading}  # fmt: skip
-    return diagnostic_status("locfuse: localization", LEVELS.get(state, WARN), reason or state,
+    return diagnostic_status(f"locfuse: {of}", LEVELS.get(state, WARN), reason or state,
                              values)  # fmt: skip
 
 

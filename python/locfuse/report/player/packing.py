@@ -274,13 +274,15 @@ def _events(result: RunResult, origin: int) -> list[dict[str, Any]]:
         events.append((int(result.outcomes.stamp_ns[row]), f"UWB took over: {why}"))
     if result.health is not None:
         events += _losses(result.health)
+    if result.watched is not None:
+        events += _losses(result.watched, "watched poses ")
     return [{"t": (stamp - origin) / NANOSECONDS, "text": text} for stamp, text in sorted(events)]
 
 
-def _losses(health: Health) -> list[tuple[int, str]]:
+def _losses(health: Health, of: str = "") -> list[tuple[int, str]]:
     lost = np.concatenate([[False], health.state == "lost"])
     events = []
     for row in np.flatnonzero(lost[1:] != lost[:-1]).tolist():
-        text = f"lost: {health.reason[row]}" if lost[row + 1] else "found again"
+        text = of + (f"lost: {health.reason[row]}" if lost[row + 1] else "found again")
         events.append((int(health.stamp_ns[row]), text))
     return events[:1000]

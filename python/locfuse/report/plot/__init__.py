@@ -15,7 +15,7 @@ require_matplotlib()
 
 from locfuse.report.plot.errors import plot_errors, plot_height
 from locfuse.report.plot.film import check_film, write_film
-from locfuse.report.plot.health import plot_health
+from locfuse.report.plot.health import plot_health, plot_watched
 from locfuse.report.plot.layout import plot_layout
 from locfuse.report.plot.nis import plot_nis
 from locfuse.report.plot.outcomes import plot_outcomes
@@ -35,6 +35,7 @@ __all__ = [
     "plot_outcomes",
     "plot_path",
     "plot_start",
+    "plot_watched",
     "save",
     "write_film",
 ]

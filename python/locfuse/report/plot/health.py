@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from locfuse.report.plot.style import ESTIMATE, MUTED, Handle, legend, panels, time_axis, title
 from locfuse.report.text import percent, seconds, start_ns
-from locfuse.types import FloatArray, RunResult
+from locfuse.types import FloatArray, Health, RunResult
 
 STATE_COLORS = {
     "initializing": "#d9d9d9",
@@ -29,11 +29,30 @@ def plot_health(result: RunResult) -> Figure | None:
 
     The background is the state. None if the run has no health.
     """
-    health = result.health
+    return _draw(result.health, result)
+
+
+def plot_watched(result: RunResult) -> Figure | None:
+    """Draw the same of watched poses, and how far they are from the estimate; else None."""
+    watched = result.watched
+    figure = _draw(watched, result, rows=3)
+    if watched is None or figure is None:
+        return None
+    off = figure.axes[2]
+    time_s = seconds(watched.stamp_ns, start_ns(result))
+    off.plot(time_s, np.hypot(watched.error[:, 0], watched.error[:, 1]), color=ESTIMATE, lw=1.0)
+    off.set_ylabel("distance [m]")
+    title(off, "from the poses to the estimate")
+    draw_states(off, time_s, watched.state)
+    return figure
+
+
+def _draw(health: Health | None, result: RunResult, rows: int = 2) -> Figure | None:
     if health is None or len(health) == 0:
         return None
     time_s = seconds(health.stamp_ns, start_ns(result))
-    figure, (within, level) = panels(2, 2.1)
+    figure, panel = panels(rows, 2.1)
+    within, level = panel[:2]
     limit = float(result.config["health"]["limit_m"])
     risk = float(result.config["health"]["risk"])
     within.plot(time_s, health.within, color=ESTIMATE, lw=1.0)
@@ -52,7 +71,7 @@ def plot_health(result: RunResult) -> Figure | None:
     title(level, f"errors exceed these with at most probability {risk:g}; none where unknown")
     for axes in (within, level):
         draw_states(axes, time_s, health.state)
-    time_axis(level, time_s)
+    time_axis(panel[-1], time_s)
     handles: list[Handle] = [Line2D([], [], color=color, lw=1.0, label=name)
                              for name, color in zip(names, colors, strict=True)]  # fmt: skip
     handles += [Patch(facecolor=STATE_COLORS[state], label=state.replace("_", " "))

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "locfuse/geometry/pose2.hpp"
+#include "locfuse/geometry/uncertain_motion.hpp"
 #include "locfuse/math/linearization.hpp"
 
 namespace locfuse {
@@ -71,6 +72,14 @@ class OdometryMotion {
         xy, s * s * along + c * c * across, 0.0,            //
         0.0, 0.0, heading;
     return step;
+  }
+
+  /// Appends `next` to a motion with its covariance; `propagate` with that motion as the pose.
+  void append(UncertainMotion& so_far, const Pose2& next, double seconds,
+              const std::optional<Vector<3>>& variance = {}) const {
+    const Propagation<Pose2, 3> step = propagate(so_far.motion, next, seconds, variance);
+    so_far.motion = step.moved;
+    so_far.covariance = step.jacobian * so_far.covariance * step.jacobian.transpose() + step.noise;
   }
 
   /// Propagation by a motion that was reported with `errors`, and the derivative of the moved pose

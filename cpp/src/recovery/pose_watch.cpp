@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "locfuse/recovery/pose_watch.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "estimators/innovation.hpp"
+#include "estimators/recipe.hpp"
+#include "recovery/health_tuning.hpp"
+#include "recovery/within.hpp"
+
+namespace locfuse {
+namespace {
+
+/// Constants that are not settings; table "Constants" of docs/watch.md.
+struct WatchTuning {
+  static constexpr double kSureWithin = 0.9;           ///< least probability `within` of kOk
+  static constexpr double kVagueWithin = 0.5;          ///< least of an estimate that can judge
+  static constexpr double kExcessWeight = 1.0 / 16.0;  ///< of a pose in the mean NIS per row
+  static constexpr double kMaxExcess = 4.0;            ///< of that mean, for kOk
+  static constexpr double kMovedOn = 1.0;     ///< [m], [rad]: without a pose since it is silent
+  static constexpr double kReferenceS = 5.0;  ///< age at which another pose becomes the reference
+  static constexpr double kDoubtedS = 20.0;   ///< the same while poses are lost: a jump that stays
+  static constexpr double kJumpConfidence = 0.999;
+};
+
+/// Probability that what is off by `offset` is within the limits, if the estimate is right; eq.
+/// (2).
+double within(double limit, const Vector<3>& offset, const Matrix<3, 3>& P) {
+  return internal::probability_within(limit, offset.head<2>(), P.topLeftCorner<2, 2>()) *
+         internal::probability_within(PoseWatch::kMaxHeadingError, offset(2), P(2, 2));
+}
+
+}  // namespace
+
+PoseWatch::PoseWatch(const Config& config)
+    : health_(config.health),
+      model_(config.pose),
+      gate_(WatchTuning::kJumpConfidence),
+      motion_(config.odometry),
+      limits_(config.limits),
+      hold_(internal::hold_of(config)),
+      aiding_lost_(internal::stamps_of("aiding_lost_s", config.health.aiding_lost_s)) {
+  (void)Health(health_);  // checks
+}
+
+void PoseWatch::on(const Velocity& u) {
+  advance(u.stamp);
+  odometry_.take(u);
+}
+
+void PoseWatch::on(const Increment& u) {
+  advance(u.begin);
+  if (u.begin == u.stamp) {  // a displacement without duration
+    for (std::optional<Carried>* one : {&newest_, &reference_}) {
+      if (*one) {
+        motion_.append((*one)->since, u.motion, 0.0, u.variance);
+      }
+    }
+  }
+  odometry_.take(u, limits_);
+}
+
+Outcome PoseWatch::on(const PoseObservation& z, const PoseEstimate& estimate,
+                      const HealthReport& health) {
+  advance(z.stamp);
+  newest_ = Carried{z, {}};
+  newest_->pose.pose.heading = wrap_angle(z.pose.heading);
+  Outcome outcome = internal::compare(model_, estimate, newest_->pose);
+  outcome.verdict = Verdict::kIgnored;
+  outcome.reason = Reason::kWatched;
+  const bool is_lost = judge(estimate, health).state == HealthState::kLost;
+  if (outcome.dof > 0 && !is_lost && health.within >= WatchTuning::kVagueWithin) {
+    const double ratio = std::min(outcome.nis / outcome.dof, internal::HealthTuning::kMaxMeanNis);
+    excess_ += WatchTuning::kExcessWeight * (ratio - excess_);
+  }
+  const double kept_s = is_lost ? WatchTuning::kDoubtedS : WatchTuning::kReferenceS;
+  if (!reference_ || seconds_between(reference_->pose.stamp, z.stamp) > kept_s) {
+    reference_ = newest_;
+  }
+  return outcome;
+}
+
+void PoseWatch::advance(Stamp stamp) {
+  if (newest_ && stamp > stamp_) {
+    Stamp at = stamp_;
+    odometry_.advance(
+        stamp_, stamp, hold_,
+        [&](const Pose2& motion, Stamp until, const std::optional<Vector<3>>& variance) {
+          const double seconds = seconds_between(at, until);
+          motion_.append(newest_->since, motion, seconds, variance);
+          motion_.append(reference_->since, motion, seconds, variance);
+          at = until;
+        },
+        [](Stamp /*until*/) {});
+  }
+  stamp_ = std::max(stamp_, stamp);
+}
+
+WatchReport PoseWatch::report(const PoseEstimate& estimate, const HealthReport& health) const {
+  PoseWatch now = *this;
+  now.advance(estimate.stamp);
+  return now.judge(estimate, health);
+}
+
+/// Eq. (1) to (4) of docs/watch.md.
+WatchReport PoseWatch::judge(const PoseEstimate& estimate, const HealthReport& health) const {
+  WatchReport report;
+  report.stamp = std::max(estimate.stamp, stamp_);
+  if (!newest_) {
+    report.reason = WatchReason::kNoPose;
+    return report;
+  }
+  report.error = local(newest_->now(), estimate.pose);
+  report.protection = report.error.cwiseAbs() + health.protection;
+  const Matrix<3, 3> P = health.inflation * estimate.covariance;
+  const double fits = within(health_.limit_m, report.error, P);
+  report.within = (1.0 - health.wrong) * fits;
+  report.wrong = 1.0 - report.within;
+
+  const bool is_elsewhere =
+      fits < (1.0 - health_.probability_lost) * within(health_.limit_m, Vector<3>::Zero(), P);
+  const bool is_lost =
+      health.state == HealthState::kLost && health.reason != HealthReason::kSilence;
+  const auto say = [&](HealthState state, WatchReason reason) {
+    report.state = state;
+    report.reason = reason;
+  };
+  if (is_lost ? !is_elsewhere : is_elsewhere) {
+    say(HealthState::kLost, is_lost ? WatchReason::kContradicted : WatchReason::kFarOff);
+  } else if (health.within < WatchTuning::kVagueWithin) {
+    if (reference_ && !agrees_with_reference(*newest_)) {
+      say(HealthState::kLost, WatchReason::kJumped);
+    } else {
+      say(HealthState::kDegraded, WatchReason::kUnverified);
+    }
+  } else if (report.within < WatchTuning::kSureWithin) {
+    say(HealthState::kDegraded,
+        health.within < WatchTuning::kSureWithin ? WatchReason::kUnverified : WatchReason::kFarOff);
+  } else if (excess_ > WatchTuning::kMaxExcess) {
+    say(HealthState::kDegraded, WatchReason::kSigmasTooSmall);
+  } else {
+    say(HealthState::kOk, WatchReason::kNone);
+  }
+  if (report.state != HealthState::kLost && is_silent(report.stamp)) {
+    say(HealthState::kDeadReckoning, WatchReason::kSilent);
+  }
+  return report;
+}
+
+/// Whether a pose is where odometry has carried the reference: within the limits, or by chance.
+bool PoseWatch::agrees_with_reference(const Carried& pose) const {
+  const Pose2 before = reference_->now();
+  const Vector<3> off = local(pose.now(), before);
+  if (off.head<2>().norm() <= health_.limit_m && std::abs(off(2)) <= kMaxHeadingError) {
+    return true;
+  }
+  PoseObservation now = pose.pose;
+  now.pose = pose.now();
+  auto lin = model_.linearize(before, now);
+  if (!lin) {
+    return false;
+  }
+  lin->noise *= 2.0;  // that of both poses
+  const Matrix<3, 3> by_odometry =
+      covariance_after(reference_->pose.pose, Matrix<3, 3>::Zero(), reference_->since.motion,
+                       reference_->since.covariance);
+  const Outcome outcome = internal::compare(*lin, by_odometry);
+  return outcome.nis <= gate_.limit(outcome.dof);
+}
+
+bool PoseWatch::is_silent(Stamp stamp) const {
+  const Pose2& moved = newest_->since.motion;
+  return stamp - newest_->pose.stamp > aiding_lost_ &&
+         (moved.position().norm() > WatchTuning::kMovedOn ||
+          std::abs(moved.heading) > WatchTuning::kMovedOn);
+}
+
+}  // namespace locfuse
