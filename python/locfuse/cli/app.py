@@ -17,6 +17,7 @@ from locfuse import NumericalError, __version__
 
 # Module of this folder, and the first line of its help.
 COMMANDS = {
+    "demo": "Simulate a robot, localize it, and open its report.",
     "run": "Localize along a log or a simulated drive and write a report.",
     "check": "Report problems of a configuration and its log before a run.",
     "capsule": "Run, and pack all it takes to repeat the run into one file.",

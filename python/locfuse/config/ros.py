@@ -300,7 +300,7 @@ class Ros(Strict):
     fix, x to the east [deg].
     """
     publish_transform: bool = True
-    """Publish the transform from map to odom."""
+    """Publish the transform from map to odom; with `watch_poses` the other localizer does."""
     transform_ahead_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
     """Time by which the stamp of that transform lies in the future [s]."""
     path_hz: Rate = 2.0

@@ -76,6 +76,9 @@ class Adapter:
     """
 
     def __init__(self, config: RunConfig, *, base: Path | None = None) -> None:
+        if config.watch_poses:  # whose localizer publishes map -> odom
+            ros = config.ros.model_copy(update={"publish_transform": False})
+            config = config.model_copy(update={"ros": ros})
         self._config = config
         ros = config.ros
         published = Log(tables={})

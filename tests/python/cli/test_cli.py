@@ -474,3 +474,14 @@ def test_reproduce_finds_the_checkout_around_the_working_folder(
     (tmp_path / "below").mkdir()
     monkeypatch.chdir(tmp_path / "below")
     assert checkout() == tmp_path
+
+
+def test_the_demo_needs_nothing_and_leaves_a_configuration_to_change(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    said = locfuse("demo", "--out", out)
+    assert said.status == 0, said.err
+    assert "nobody said where it began" in said.out
+    assert float(re.findall(r"RMSE ([\d.]+) cm", said.out)[0]) < 15.0
+    assert "health: ok" in said.out
+    assert (out / "report.html").stat().st_size > 100_000
+    assert locfuse("run", out / "robot.yaml", "--out", tmp_path / "again").status == 0

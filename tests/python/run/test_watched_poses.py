@@ -212,9 +212,11 @@ def test_nodes_publish_the_state_and_the_safe_choice(by: str, ros: str) -> None:
         "geometry_msgs/PoseWithCovarianceStamped",
         False,
     ) in robot.adapter.announced
+    assert "tf" not in {topic for topic, _, _ in robot.adapter.announced}
     robot.learn()
     robot.drive()
     assert not robot.problems
+    assert not robot.said("tf")  # the other localizer says where odom is
     said = [next(s for s in one["status"] if s["name"] == "locfuse: watched poses")
             for one in robot.said("diagnostics")[5:]]  # fmt: skip
     levels = {{v["key"]: v["value"] for v in one["values"]}["state"]: one["level"]
