@@ -58,8 +58,11 @@ bool ScanDrive::take_wheels(Stamp begin, Stamp stamp) {
   return true;
 }
 
-std::optional<Increment> ScanDrive::on(const LaserScan& scan) {
-  validate(scan);
+std::optional<Increment> ScanDrive::on(const LaserScan& z) {
+  validate(z);
+  const bool has_wheels = wheels_ && z.stamp <= *wheels_ + ScanDriveTuning::kHold;
+  const std::optional<LaserScan> turned = as_of_stamp(z, has_wheels ? rate_.z() : twist_.z());
+  const LaserScan& scan = turned ? *turned : z;
   if (!at_) {
     (void)odometry_.on(scan, {}, Matrix<3, 3>::Zero());
     at_ = scan.stamp;
@@ -74,7 +77,6 @@ std::optional<Increment> ScanDrive::on(const LaserScan& scan) {
     return std::nullopt;
   }
   const double seconds = seconds_between(*at_, scan.stamp);
-  const bool has_wheels = wheels_ && scan.stamp <= *wheels_ + ScanDriveTuning::kHold;
   if (!has_wheels && !has_twist_ && seconds <= ScanDriveTuning::kPatience &&
       odometry_.is_of_new_laser(scan)) {
     return std::nullopt;

@@ -30,11 +30,12 @@ class ScanDrive {
   /// std::invalid_argument if it is not valid.
   void on(const Velocity& u);
   void on(const Increment& u);
-  /// Returns the motion since the last scan used; empty for the first one, for one that is late,
+  /// Puts the beams where the body was at the stamp, by how fast it turns now, and returns the
+  /// motion since the last scan used; empty for the first one, for one that is late,
   /// and for one of another laser at the same stamp, whose correction the next motion has. Without
   /// wheels a second laser is used once scans of the first have shown how the body moves. Throws
   /// std::invalid_argument if it is not valid.
-  std::optional<Increment> on(const LaserScan& scan);
+  std::optional<Increment> on(const LaserScan& z);
 
  private:
   /// A motion and the covariance of its (x, y, heading).
