@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Point clouds as scans: the nearest point in each direction, of a slice of heights."""
+"""Point clouds as scans: what is nearest in each direction, of a slice of heights."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from locfuse.types import FloatArray
 
 BEAMS = 1440  # of a full turn
 REACH_M = 200.0  # no return is one that is farther
+SAME_M = 0.1  # points that are so much farther than the nearest may be of the same surface
 MAX_POINTS = 5_000_000
 FLOATS = {7: "f4", 8: "f8"}  # datatypes of sensor_msgs/PointField
 ABOVE_M, BELOW_M, BELOW_SHARE = 0.3, 0.1, 0.5  # of the sensor's height, the slice by default
@@ -61,7 +62,8 @@ def scan_of(message: Any, pose: FloatArray, heights: Heights | None) -> ScanRow:
     Returns
     -------
     ScanRow
-        With `mount`, and 1440 beams, each the nearest point of its quarter of a degree.
+        With `mount`, and 1440 beams, each the mean of the points that are at most 0.1 m behind the
+        nearest of its quarter of a degree.
 
     Raises
     ------
@@ -80,13 +82,27 @@ def scan_of(message: Any, pose: FloatArray, heights: Heights | None) -> ScanRow:
     reach = np.hypot(flat[:, 0], flat[:, 1])
     step = 2.0 * math.pi / BEAMS
     beam = np.floor((np.arctan2(flat[:, 1], flat[:, 0]) + math.pi) / step).astype(np.intp) % BEAMS
-    ranges = np.full(BEAMS, np.nan)
-    far_first = np.argsort(-reach, kind="stable")
-    ranges[beam[far_first]] = reach[far_first]  # of several the last stays: the nearest
+    ranges = _means_of_nearest(beam, reach)
     mount = Mount(float(pose[0, 3]), float(pose[1, 3]), float(pose[2, 3]), 0.0)
     stamp, frame = decode.stamped(message.header), plain(decode.frame_of(message))
     return ScanRow(stamp, frame, 0.5 * step - math.pi, step, 0.0, REACH_M, ranges, None,
                    mount=mount)  # fmt: skip
+
+
+def _means_of_nearest(beam: NDArray[np.intp], reach: FloatArray) -> FloatArray:
+    """Return the range of each beam, NaN where it has no point.
+
+    Rings see the same wall, each with its own noise: the nearest alone would be too near.
+    """
+    nearest = np.full(BEAMS, np.nan)
+    far_first = np.argsort(-reach, kind="stable")
+    nearest[beam[far_first]] = reach[far_first]  # of several the last stays
+    same = reach <= nearest[beam] + SAME_M
+    total = np.bincount(beam[same], reach[same], BEAMS)
+    count = np.bincount(beam[same], minlength=BEAMS)
+    mean = np.full(BEAMS, np.nan)
+    np.divide(total, count, out=mean, where=count > 0)
+    return mean
 
 
 @decode.is_message("sensor_msgs/PointCloud2")

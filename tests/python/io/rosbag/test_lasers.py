@@ -188,6 +188,21 @@ def test_points_are_read_however_they_are_laid_out(
         assert a == pytest.approx(true_a, abs=0.5 * row.angle_increment + 1e-6)
 
 
+def test_rings_on_one_wall_have_no_bias_and_what_stands_before_it_hides_it() -> None:
+    """Of 20 rings with a noise of 2 cm the nearest alone would read 4 cm short."""
+    rng = np.random.default_rng(1)
+    angle = np.radians(np.arange(-60.0, 60.0) + 0.1)
+    wall, post = rng.normal(4.0, 0.02, (20, len(angle))), rng.normal(3.0, 0.02, 5)
+    points = [[r * math.cos(a), r * math.sin(a), 0.005 * k] for k, ring in enumerate(wall)
+              for r, a in zip(ring, angle, strict=True)]  # fmt: skip
+    points += [[r * math.cos(angle[7]), r * math.sin(angle[7]), 0.0] for r in post]
+    ranges = scan_of(message(cloud_of(np.array(points)), "ros2"), UPRIGHT, None).ranges
+    seen = ranges[np.isfinite(ranges)]
+    assert len(seen) == len(angle)
+    assert seen[7] == pytest.approx(np.mean(post), abs=1e-5)
+    assert np.mean(np.delete(seen, 7)) == pytest.approx(4.0, abs=0.003)
+
+
 def test_a_tilted_sensor_is_turned_into_the_plane() -> None:
     """A wall 3 m ahead, seen by a sensor that looks 30 degrees down and hangs head down."""
     tilt, up = math.radians(30.0), np.diag([1.0, -1.0, -1.0])
