@@ -21,7 +21,7 @@ from locfuse.io.rosbag.decode import heading_of, stamp_ns
 from locfuse.run.run import load_log, run
 from locfuse.types import Log, wrap_angle
 from ros1_peer import Listener, Process, Robot, node, simulated_time, started
-from support_logs import as_messages_hold_it
+from support_logs import SCANNER_TOPICS, SCANNERS, as_messages_hold_it
 
 pytestmark = pytest.mark.usefixtures("ros1")
 
@@ -177,6 +177,35 @@ def test_estimates_are_those_of_locfuse_run(tmp_path: Path, start: str) -> None:
         assert abs(float(turn)) <= 1e-9
         covariance = np.array(pose.covariance).reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
         assert np.allclose(covariance, estimate.covariance[row], rtol=0.0, atol=1e-9)
+
+
+def test_poses_by_two_scanners_are_those_of_locfuse_run(tmp_path: Path) -> None:
+    """Each has a topic of its own; /tf_static and /map say where they are, and what they see."""
+    log = as_messages_hold_it(simulated(4, laser=None, lasers=SCANNERS, duration_s=8.0))
+    x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+    config = {
+        **CONFIG,
+        "start": [x + 0.05, y, float(np.rad2deg(heading))],
+        "mcl": {},
+        "ros": {"estimate_at": "fused", "topics": {"scans": list(SCANNER_TOPICS)}},
+    }
+    estimate = run(parse_config(config), log).estimate
+    with localizing(log, tmp_path, config, ("odom", "uwb", *SCANNER_TOPICS)) as it:
+        it.robot.drive(speed=1.0)
+        settle(it.poses)
+        poses = it.last()
+    assert estimate.heading is not None
+    rows = [row for row, stamp in enumerate(estimate.stamp_ns.tolist()) if stamp in poses]
+    print(f"{len(rows)} stamps in common of {len(poses)} and {len(estimate)}")
+    assert len(rows) > 0.8 * len(estimate)
+    found = [poses[int(estimate.stamp_ns[row])] for row in rows]
+    at = np.array([[one.pose.position.x, one.pose.position.y] for one in found])
+    turn = [heading_of(one.pose.orientation) for one in found]
+    apart = np.abs(at - estimate.position[rows]).max()
+    turned = np.abs(wrap_angle(np.array(turn) - estimate.heading[rows])).max()
+    print(f"largest difference {apart:.2e} m, {turned:.2e} rad")
+    assert apart < 1e-9
+    assert turned < 1e-9
 
 
 def test_a_source_that_stops_is_reported_and_returns(tmp_path: Path) -> None:

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from std_srvs.srv import SetBool, Trigger
 
+from locfuse.config.ros import Ros
 from locfuse.io.log_folder import read_log, write_log
 from locfuse.io.rosbag import decode, encode
 from locfuse.io.rosbag.publications import Arrival
 from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, Log, wrap_angle
-from support_logs import as_messages_hold_it
+from support_logs import SCANNER_TOPICS, SCANNERS, as_messages_hold_it
 from support_robot import EPOCH_NS, HALL, Robot, config_of, shifted, simulated, start_localize
 from support_ros2 import Peer, peer_in
 
@@ -191,6 +192,20 @@ def test_poses_of_particles_are_those_of_locfuse_run(peer: Peer, tmp_path: Path)
     expect_those_of_run(peer, tmp_path, log, "log", hall, keys, ("/tf_static",))
 
 
+def test_poses_by_two_scanners_are_those_of_locfuse_run(peer: Peer, tmp_path: Path) -> None:
+    """Each has a topic of its own; /tf_static and /map say where they are, and what they see."""
+    hall = {**HALL, "laser": None, "lasers": SCANNERS, "duration_s": 8.0}
+    log = as_messages_hold_it(shifted(load_log(config_of(hall), None, 3), EPOCH_NS))
+    x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+    keys = {"start": [x + 0.05, y, float(np.rad2deg(heading))], "use": ["odometry", "ranges"],
+            "mcl": {}}  # fmt: skip
+    latched = ("map", "anchors", "/tf_static")
+    robot = expect_those_of_run(peer, tmp_path, log, None, hall, keys, latched, SCANNER_TOPICS)
+    assert {f"{topic} from /peer" for topic in SCANNER_TOPICS} <= set(
+        robot.status("locfuse: topics")
+    )
+
+
 def expect_those_of_run(
     peer: Peer,
     tmp_path: Path,
@@ -199,13 +214,16 @@ def expect_those_of_run(
     simulation: dict[str, Any],
     keys: dict[str, Any],
     latched: tuple[str, ...],
-) -> None:
+    scans: tuple[str, ...] = ("scan",),
+) -> Robot:
     """Compare the node and `locfuse run` on a log; without a world it comes by topics."""
     write_log(by_arrival(log), tmp_path / "log")
     log = read_log(tmp_path / "log")
     expected = run(config_of(simulation, **keys), log).estimate
-    robot = Robot(peer, log, rate=2.0, in_order=True)
-    start_localize(robot, tmp_path, ros={"estimate_at": "fused", "world": world}, **keys)
+    topics = {"scans": list(scans)}
+    robot = Robot(peer, log, Ros.model_validate({"topics": topics}), rate=2.0, in_order=True)
+    ros = {"estimate_at": "fused", "world": world, "topics": topics}
+    start_localize(robot, tmp_path, "odom", "uwb", ros=ros, **keys)
     wait_for_world(robot, *latched)
     robot.drive()
     peer.spin(0.5)
@@ -220,6 +238,7 @@ def expect_those_of_run(
     print(f"largest difference {apart:.2e} m, {turned:.2e} rad")
     assert apart < 1e-9
     assert turned < 1e-9
+    return robot
 
 
 # Services and topics ----------------------------------------------------------------------------
