@@ -76,7 +76,7 @@ def driven(name: str, seed: int, turns: str) -> RunResult:
 
     `turns` is "at once", "known" or, where the log does not say so, "unknown".
     """
-    simulation = {**FLOOR, **PATHS[name], "odometry": WHEELS}
+    simulation = {**FLOOR, **PATHS.get(name, {}), "odometry": WHEELS}
     config = parse_config({"simulation": simulation, "seed": seed, "mcl": {}, "start": "truth"})
     log = load_log(config, None, seed)
     assert config.simulation is not None
@@ -101,7 +101,11 @@ def heading_and_nees(name: str, turns: str) -> tuple[float, float]:
     return float(heading), float(np.mean([m["nees_mean"] for m in metrics]))
 
 
-@pytest.mark.parametrize("name", PATHS)
+BEGINS = pytest.mark.xfail(strict=True, reason="a turn that begins or ends within a scan is taken "
+                           "for one that lasts for all of it")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*PATHS, pytest.param("roams", marks=BEGINS)])
 def test_heading_of_a_robot_that_turns_while_its_laser_does(name: str) -> None:
     for turns in ("at once", "known", "unknown"):
         heading, nees = heading_and_nees(name, turns)
