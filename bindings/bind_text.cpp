@@ -373,7 +373,9 @@ class TableParser {
     for (std::size_t i = 0; i < fields.size(); ++i) {
       const std::string text = complaint(columns_[i].kind, fields[i]);
       if (!text.empty()) {
-        fail("column " + std::to_string(i + 1) + " (" + quoted(fields[i]) + ") " + text);
+        const std::string column = "column " + std::to_string(i + 1);
+        fail(fields[i].empty() ? column + " is empty, expected a number"
+                               : column + " (" + quoted(fields[i]) + ") " + text);
       }
     }
     fail("cannot be read");

@@ -47,7 +47,7 @@ def test_numbers_are_the_nearest_doubles() -> None:
         (b"1,two", "column 2 ('two') is not a number"),
         (b"1,0x10", "is not a number"),
         (b"1,1_0", "is not a number"),
-        (b"1,", "column 2 ('') is not a number"),
+        (b"1,", "column 2 is empty, expected a number"),
         (b"1", "1 field, expected 2"),
         (b"1,2,3", "3 fields, expected 2"),
         (b"1,2 3", "is not a number"),

@@ -443,7 +443,7 @@ def test_the_bag_of_a_robot_with_a_radio_needs_two_commands_and_its_anchors(tmp_
     tags = yaml.safe_load((world / "log.yaml").read_text())["tags"]
     assert tags == {"5": ["forward", "left", "up"]}
     said = locfuse("run", config, "--out", tmp_path / "out")
-    assert "anchors.csv, line 2: column 2 ('') is not a number" in said.err
+    assert "anchors.csv, line 2: column 2 is empty, expected a number" in said.err
     said = locfuse("config", "init", "--log", bag, "--out", tmp_path / "robot.yml")
     assert "robot_world: is there already" in said.err
     rows = "".join(f"{name},{x},{y},0\n" for name, (x, y) in ANCHORS.items())
