@@ -30,6 +30,7 @@ void bind_pose_watch(py::module_& m) {
       .def_readonly("stamp", &WatchReport::stamp, "[ns].")
       .def_readonly("state", &WatchReport::state, "HealthState.")
       .def_readonly("reason", &WatchReport::reason, "WatchReason.")
+      .def_readonly("judged", &WatchReport::judged, "Stamp of the last pose judged [ns], or None.")
       .def_readonly("wrong", &WatchReport::wrong, "1 - within.")
       .def_readonly("within", &WatchReport::within,
                     "Probability that position and heading errors are below their limits.")

@@ -4743,6 +4743,11 @@ class WatchReport:
         The last pose, carried on by odometry, less the estimate: x [m], y [m], heading [rad], (3,); NaN without both.
         """
     @property
+    def judged(self) -> int | None:
+        """
+        Stamp of the last pose judged [ns], or None.
+        """
+    @property
     def protection(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
         """
         Protection levels of x [m], y [m] and heading [rad], (3,): |error| exceeds them at most with probability `risk`; infinite if no bound is known.

@@ -447,6 +447,8 @@ class Health:
 class Watched(Health):
     """How far the poses of another localizer may be trusted, with each row of the run's `Health`.
 
+    `within` is of position and heading; `protection` of its pose.
+
     Attributes
     ----------
     error : float64 array, shape (n, 3)

@@ -469,10 +469,12 @@ std::optional<WatchReport> Mcl::watched() const {
   if (!watch_) {
     return std::nullopt;
   }
-  if (!has_started()) {
-    return WatchReport{};
-  }
   const PoseEstimate here = believed();
+  if (!has_started()) {
+    WatchReport report;
+    report.stamp = here.stamp;
+    return report;
+  }
   return watch_->report(here, report_of(here));
 }
 

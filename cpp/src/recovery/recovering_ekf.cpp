@@ -246,12 +246,13 @@ Outcome RecoveringEkf::drive(const M& u) {
   Outcome outcome{Verdict::kIgnored, Reason::kNotStarted};
   if (tracker_) {
     outcome = track(u);
-    if (conditioner_ && outcome.verdict != Verdict::kImplausible &&
-        outcome.verdict != Verdict::kStale) {
-      conditioner_->on(u);
-    }
-    if (watch_ && outcome.verdict == Verdict::kFused) {
-      watch_->on(u);
+    if (outcome.verdict != Verdict::kImplausible && outcome.verdict != Verdict::kStale) {
+      if (conditioner_) {
+        conditioner_->on(u);
+      }
+      if (watch_) {
+        watch_->on(u);
+      }
     }
     health_.advance(belief().stamp);
     listen();

@@ -54,7 +54,14 @@ double probability_within(double radius, const Vector<2>& mean, const Matrix<2, 
     return std::exp(-0.5 * z * z) * half *
            between((-half - centre.x()) / sigma.x(), (half - centre.x()) / sigma.x());
   };
-  const double sum = boost::math::quadrature::gauss<double, 30>::integrate(chord, from, to);
+  // Where the edge of the disc crosses the ridge of a thin Gaussian the integrand has a step.
+  const double edge = std::acos(std::min(std::abs(centre.x()) / radius, 1.0));
+  double sum = 0.0;
+  double begin = from;
+  for (const double end : {std::clamp(-edge, from, to), std::clamp(edge, from, to), to}) {
+    sum += boost::math::quadrature::gauss<double, 30>::integrate(chord, begin, end);
+    begin = end;
+  }
   return std::clamp(sum / (std::sqrt(2.0 * kPi) * sigma.y()), 0.0, 1.0);
 }
 

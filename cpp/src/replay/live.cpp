@@ -30,6 +30,9 @@ Outcome Live::search_or_track(const Message& message) {
   if (timeline_) {
     return is_scan ? Outcome{Verdict::kIgnored, Reason::kNotUsed} : track(message);
   }
+  if (initial_.watches(message)) {
+    return {Verdict::kIgnored, Reason::kNotStarted};
+  }
   if (!is_scan && search_.is_late(message)) {
     const bool is_merely_late = options_.timeline.clock_jump == ClockJump::kRefuse ||
                                 ++consecutive_late_ < options_.timeline.jump_after;

@@ -73,6 +73,11 @@ const Increment* LiveMcl::find_fused(std::size_t origin) const {
 
 void LiveMcl::take(Entry entry, const Observer& observer) {
   const Message& message = entry.message;
+  if (mcl().watches(message)) {  // has its turn by the clock of the others
+    internal::insert_in_order(waiting_, std::move(entry));
+    take_turns(waiting_.size() > kMaxWaiting ? waiting_.front().stamp : due(), observer);
+    return;
+  }
   const bool is_ahead = newest_ != std::numeric_limits<Stamp>::min() &&
                         entry.stamp > newest_ + internal::ClockJumpDetector::kFarAhead;
   if (is_ahead) {  // one wrong stamp makes none of the others late

@@ -73,6 +73,11 @@ class Context:
         """Return the messages of a source that the configuration uses, None without any."""
         return self.table(source) if source in self.config.use else None
 
+    def fused(self, source: str) -> Columns | None:
+        """Return the same of a source that is fused: poses may be judged only."""
+        is_watched = source == "poses" and self.config.watch_poses
+        return None if is_watched else self.used(source)
+
     @property
     def models(self) -> Estimator:
         """Wheels and sensors."""

@@ -78,7 +78,7 @@ def _received(context: Context) -> list[str]:
 
 
 def _placed_otherwise(context: Context) -> bool:
-    others = context.used("poses"), context.used("positions"), context.config.mcl
+    others = context.fused("poses"), context.used("positions"), context.config.mcl
     return any(other is not None for other in others)
 
 
@@ -122,7 +122,7 @@ def tags_on_the_floor(context: Context) -> Iterator[Finding]:
 
 def unobservable_states(context: Context) -> Iterator[Finding]:
     """Report which of position and heading no source in use observes."""
-    sources = [s for s in IN_THE_PLANE if context.used(s)]
+    sources = [s for s in IN_THE_PLANE if context.fused(s)]
     if not sources or context.config.mcl is not None:  # scans on a map give both
         return
     if sources == ["odometry"]:

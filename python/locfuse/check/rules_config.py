@@ -28,7 +28,7 @@ def ineffective_gates(context: Context) -> Iterator[Finding]:
     if context.by_particles:  # has none
         return
     for key, source in GATES.items():
-        if source in context.config.use and context.table(source) is not None:
+        if context.fused(source) is not None:
             yield from _gate(context, key, source)
 
 
@@ -79,7 +79,7 @@ def _sigma_key(context: Context, source: str) -> str:
 def implausible_sigmas(context: Context) -> Iterator[Finding]:
     """Name poses and positions whose sigma is a placeholder, and odometry believed without end."""
     for source, column in (("poses", "sigma_xy_m"), ("positions", "sigma_m")):
-        table = context.used(source)
+        table = context.fused(source)
         if table is None:
             continue
         sigma = float(np.median(table[column]))

@@ -1016,6 +1016,14 @@ class RunConfig(Strict):
         if self.use == ["poses"] and self.mcl is None and self.scan_odometry is None:
             raise ValueError("watch_poses judges poses by what else is fused, but use names poses "
                              "alone; add other sources to use, or set mcl")  # fmt: skip
+        if (
+            self.mcl is None
+            and self.start == "auto"
+            and not ({"ranges", "positions", "landmark_sightings"} & set(self.use))
+        ):
+            raise ValueError("start is 'auto', but watch_poses leaves poses out of the search, and "
+                             "use names nothing else that knows a place; set start: "
+                             "[x, y, heading_deg]")  # fmt: skip
         return self
 
     @model_validator(mode="after")

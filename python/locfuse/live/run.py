@@ -66,10 +66,12 @@ class LiveWatched(LiveHealth):
     """How far the poses of another localizer may be trusted, as known now.
 
     As `LiveHealth`, of its last pose, carried on by odometry: `error`, shape (3,), is that less the
-    estimate, x [m], y [m] and heading [rad]; NaN until there are both.
+    estimate, x [m], y [m] and heading [rad]; NaN until there are both. `within` is of position and
+    heading, `judged_ns` the stamp of that pose.
     """
 
     error: FloatArray
+    judged_ns: int | None
 
 
 @dataclass(frozen=True)
@@ -231,6 +233,16 @@ class LiveRun:
             return self._filter.is_tracking
         return self._found_on_map and self._map_pose is not None
 
+    def _is_watched(self, message: Item) -> bool:
+        return self.config.watch_poses and isinstance(message, _core.PoseObservation)
+
+    @property
+    def _has_begun(self) -> bool:
+        """Whether there is an estimator that may judge poses, now or after its start."""
+        if self._filter is None:
+            return self._on_map is not None
+        return self._filter.is_tracking or self._given is not None
+
     def _on_row(self, source: str, row: Row) -> _core.Verdict:
         if source == "imu":
             if not uses_gyro(self.config):
@@ -239,6 +251,8 @@ class LiveRun:
                 self._odometry = odometry_timeline(self.config, gyro=True)
             return self._drive(self._odometry, self.names.imu(row))
         message = self.names.message(source, row)
+        if self._is_watched(message) and not self._has_begun:
+            return _core.Verdict.IGNORED
         if self._odometry is not None and isinstance(message, _core.Velocity | _core.Increment):
             return self._drive(self._odometry, message)
         return self._on_message(message)
@@ -333,8 +347,10 @@ class LiveRun:
         """Hold messages until the earliest is known: the given start holds at its stamp."""
         assert self._filter is not None
         self._held.append(message)
-        begin = min(map(_effective_ns, self._held))
-        if _effective_ns(message) - begin < PATIENCE_NS:
+        used = [_effective_ns(one) for one in self._held if not self._is_watched(one)]
+        if len(self._held) > MAX_KEPT and not used:
+            self._held.pop(0)
+        if self._is_watched(message) or _effective_ns(message) - (begin := min(used)) < PATIENCE_NS:
             return _core.Verdict.IGNORED
         self._filter.start_at(self._given_start(begin))
         verdict = _core.Verdict.IGNORED
@@ -467,7 +483,7 @@ class LiveRun:
             report = _core.WatchReport()
         reason = watch_reasons(self.config.health.aiding_lost_s)[report.reason]
         return LiveWatched(report.state.name.lower(), reason, report.within, report.wrong,
-                           report.protection, report.error)  # fmt: skip
+                           report.protection, report.error, report.judged)  # fmt: skip
 
     def sources(self) -> list[LiveSource]:
         """Return the status of each source that was fused or gated."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from locfuse.run.tracker import TRIANGLE
 from locfuse.types import NANOSECONDS, ConfigError, Log, nearest
 
 BACK_NS = NANOSECONDS  # a clock that goes back that far has jumped
+MAX_WATCHED = 100  # poses that wait to be judged
 SILENT_NS = 5 * NANOSECONDS  # after which a silent topic is reported
 TRANSFORMS_NS = NANOSECONDS // 2  # within which static transforms come
 CLOCKS = "are both machines' clocks set, and use_sim_time the same for all nodes?"
@@ -117,7 +118,7 @@ class Adapter:
     def _clear(self) -> None:
         self._wheels = self._new_wheels()
         self._driven = Odometry()
-        self._watched: LivePose | None = None  # the last pose that is watched
+        self._watched: dict[int, LivePose] = {}  # the last poses that are watched, by stamp
         self._fixes = Fixes(self._config.ros.gps_origin)
         self._fixes_wait = False  # for transforms
         self._antennas: set[str] = set()  # frames of fixes that nothing placed
@@ -336,8 +337,10 @@ class Adapter:
         self._in_time(row.stamp_ns, topic)
         found = rows.pose_row(row)
         if self._config.watch_poses:
-            self._watched = LivePose(row.stamp_ns, np.array([row.x, row.y, row.heading]),
-                                     row.covariance)  # fmt: skip
+            at = np.array([row.x, row.y, row.heading])
+            self._watched[row.stamp_ns] = LivePose(row.stamp_ns, at, row.covariance)
+            while len(self._watched) > MAX_WATCHED:
+                del self._watched[next(iter(self._watched))]
         else:
             self._look_at_sigma("poses", topic, found["sigma_xy_m"])
         self._feed("poses", found)
@@ -541,30 +544,33 @@ class Adapter:
         pose = self._live.fused() if fused else newest
         assert pose is not None
         published = self._publications.pose(pose) + self._publications.start(newest)
-        published += self._fallback(source, pose)
+        published += self._fallback(pose)
         if source == "odometry":
             published += self._publications.transform(newest, self._driven)
         return published
 
-    def _fallback(self, source: str, estimate: LivePose) -> list[Publication]:
-        """Publish the watched pose as it comes, and while that is lost the estimate."""
+    def _fallback(self, estimate: LivePose) -> list[Publication]:
+        """Publish each watched pose that is not lost, once it is judged, else the estimate."""
         assert self._live is not None
+        if self._config.ros.topics.fallback is None:
+            return []
         watched = self._live.watched()
-        if watched is None or self._config.ros.topics.fallback is None:
+        if watched is None:
             return []
         if watched.state != "lost":
-            if source != "poses" or self._watched is None:
-                return []
-            return self._publications.fallback(self._watched)
-        is_lost = self._live.health().state in ("lost", "initializing")
-        return [] if is_lost else self._publications.fallback(estimate)
+            judged = self._watched.get(watched.judged_ns or 0)
+            return [] if judged is None else self._publications.fallback(judged)
+        trusted = self._live.health().state in ("ok", "degraded")
+        return self._publications.fallback(estimate) if trusted else []
 
     def health(self, now_ns: int) -> LiveHealth:
         """Return how far the pose may be trusted; what has fallen silent is not."""
         nothing = np.full(3, np.inf)
         if self._live is None:
             return LiveHealth("initializing", self._missing(), 0.0, 1.0, nothing)
-        received = [self._received_ns[s] for s in (*SOURCES, "scans") if s in self._received_ns]
+        watched = {"poses"} if self._config.watch_poses else set()
+        received = [self._received_ns[s] for s in (*SOURCES, "scans")
+                    if s in self._received_ns and s not in watched]  # fmt: skip
         if not received:
             return LiveHealth("initializing", "nothing has been received yet", 0.0, 1.0, nothing)
         silent = (now_ns - max(received)) / NANOSECONDS
@@ -574,9 +580,13 @@ class Adapter:
         return self._live.health()
 
     def _diagnostics(self, now_ns: int) -> Publication:
-        statuses = [health_status(self.health(now_ns))]
+        health = self.health(now_ns)
+        statuses = [health_status(health)]
         if self._live is not None:
             if (watched := self._live.watched()) is not None:
+                if health.state == "lost" and self._live.health().state != "lost":  # it is silent
+                    watched = replace(watched, state="degraded", reason=health.reason, within=0.0,
+                                      wrong=1.0, protection=health.protection)  # fmt: skip
                 statuses.append(health_status(watched, "watched poses"))
             stamp = now_ns if self._live.received_ns is None else self._live.received_ns
             statuses += [source_status(source, stamp) for source in self._live.sources()]

@@ -97,7 +97,7 @@ def watch_reasons(aiding_lost_s: float) -> dict[_core.WatchReason, str]:
     return {
         _core.WatchReason.NONE: "",
         _core.WatchReason.NO_ESTIMATE: "there is no estimate to judge poses by yet",
-        _core.WatchReason.NO_POSE: "no pose has been received yet",
+        _core.WatchReason.NO_POSE: "no pose that could be judged has been received yet",
         _core.WatchReason.FAR_OFF: "poses are too far from the estimate",
         _core.WatchReason.CONTRADICTED: "measurements speak against the place of poses and "
                                         "estimate",
@@ -105,7 +105,8 @@ def watch_reasons(aiding_lost_s: float) -> dict[_core.WatchReason, str]:
         _core.WatchReason.SIGMAS_TOO_SMALL: "poses are farther off than their sigmas say",
         _core.WatchReason.SILENT: f"no pose for {aiding_lost_s:g} s or longer, while the robot "
                                   "moved",
-        _core.WatchReason.UNVERIFIED: "the estimate is too vague, or lost, and cannot judge poses",
+        _core.WatchReason.UNVERIFIED: "the estimate cannot judge poses: it is lost, too vague, or "
+                                      "by odometry alone",
     }  # fmt: skip
 
 

@@ -79,6 +79,9 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     messages.sort()
     column = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
     order = np.argsort(column["arrival"], kind="stable")
+    used = np.full(len(order), True)
+    if config.watch_poses and not np.all(column["source"] == "poses"):
+        used = column["source"] != "poses"  # which says nothing of when the others begin
     return Messages(
         log=messages,
         stamp_ns=column["stamp"][order],
@@ -90,7 +93,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
         anchor_names=anchor_names,
         tag_names=tag_names,
         landmark_names=landmark_names,
-        begin_ns=int(column["effective"].min()),
+        begin_ns=int(column["effective"][used].min()),
         end_ns=int(column["stamp"].max()),
     )
 

@@ -206,7 +206,9 @@ TEST(PoseWatch, is_lost_with_the_estimate_at_one_place_and_unverified_at_another
   Watched other;
   other.health = w.health;
   other.drive(1.0);
-  (void)other.pose({5.0, 0.0, 0.0});
+  (void)other.pose({});
+  other.drive(1.0);
+  (void)other.pose({5.0, 0.0, 0.0});  // which odometry does not explain either
   EXPECT_EQ(other.report().state, HealthState::kDegraded);
   EXPECT_EQ(other.report().reason, WatchReason::kUnverified);
 }
@@ -215,7 +217,7 @@ TEST(PoseWatch, is_lost_with_the_estimate_at_one_place_and_unverified_at_another
 Watched with_odometry_alone() {
   Watched w;
   w.follow({});
-  w.P = covariance(20.0, 0.5);
+  w.P = covariance(2.0, 0.5);
   w.health.state = HealthState::kDeadReckoning;
   w.health.reason = HealthReason::kSilence;
   w.health.within = 0.01;
@@ -255,6 +257,67 @@ TEST(PoseWatch, notices_by_odometry_alone_that_poses_stand_still) {
   }
   EXPECT_EQ(w.report().state, HealthState::kLost);
   EXPECT_EQ(w.report().reason, WatchReason::kJumped);
+}
+
+TEST(PoseWatch, a_vague_estimate_does_not_call_a_pose_lost) {
+  Watched w;
+  w.follow({});
+  w.P = covariance(0.8, 0.1);  // a pose that is right is 1.2 m off in one of three
+  w.health.within = 0.54;
+  w.health.state = HealthState::kDegraded;
+  (void)w.pose({1.2, 0.0, 0.0});
+  EXPECT_EQ(w.report().state, HealthState::kDegraded);
+  EXPECT_EQ(w.report().reason, WatchReason::kUnverified);
+  (void)w.pose({5.0, 0.0, 0.0});
+  EXPECT_EQ(w.report().state, HealthState::kLost);
+  EXPECT_EQ(w.report().reason, WatchReason::kFarOff);
+  w = with_odometry_alone();  // however much it says of its drift
+  w.P = covariance(0.05, 0.01);
+  w.drive(0.5);
+  (void)w.pose({0.9, 0.0, 0.0});
+  EXPECT_EQ(w.report().state, HealthState::kDegraded);
+}
+
+TEST(PoseWatch, notices_a_jump_after_a_long_silence) {
+  Watched w = with_odometry_alone();
+  w.drive(40.0, 0.0);
+  (void)w.pose({6.0, 0.0, 0.0});
+  EXPECT_EQ(w.report().reason, WatchReason::kJumped);
+  w.drive(15.0, 0.0);
+  (void)w.pose({6.0, 0.0, 0.0});
+  EXPECT_EQ(w.report().reason, WatchReason::kJumped);
+  w.drive(10.0, 0.0);
+  (void)w.pose({6.0, 0.0, 0.0});
+  EXPECT_EQ(w.report().reason, WatchReason::kUnverified);
+}
+
+TEST(PoseWatch, takes_no_motion_for_a_jump_that_odometry_did_not_see) {
+  Watched w = with_odometry_alone();
+  w.now += at(10.0);  // without odometry
+  w.here = w.here * Pose2{8.0, 0.0, 0.0};
+  (void)w.pose({});
+  EXPECT_EQ(w.report().reason, WatchReason::kUnverified);
+}
+
+TEST(PoseWatch, refuses_a_pose_from_before_odometry_as_stale) {
+  Watched w;
+  w.follow({});
+  const PoseObservation z{w.now - at(1.0), w.here, covariance(0.05, 0.02)};
+  const Outcome outcome = w.watch.on(z, w.estimate(), w.health);
+  EXPECT_EQ(outcome.verdict, Verdict::kStale);
+  EXPECT_EQ(*w.report().judged, w.now);
+  EXPECT_EQ(w.report().state, HealthState::kOk);
+}
+
+TEST(PoseWatch, a_turn_on_the_spot_without_a_pose_stays_silent) {
+  Watched w;
+  w.follow({});
+  for (int k = 0; k < 63; ++k) {  // a whole turn
+    w.watch.on(Increment{w.now, w.now + at(0.1), {0.0, 0.0, 0.1}});
+    w.here = w.here * Pose2{0.0, 0.0, 0.1};
+    w.now += at(0.1);
+  }
+  EXPECT_EQ(w.report().reason, WatchReason::kSilent);
 }
 
 TEST(PoseWatch, takes_poses_without_a_covariance_and_with_headings_beyond_a_turn) {
@@ -368,6 +431,37 @@ TEST(RecoveringEkf, refuses_or_leaves_out_bad_poses_that_it_watches) {
   z.stamp = 0;
   EXPECT_EQ(ekf.on(z).verdict, Verdict::kStale);
   EXPECT_EQ(ekf.watched()->reason, WatchReason::kNoPose);
+}
+
+/// Poses that are far ahead of everything, or from long before: a wrong clock.
+TEST(RecoveringEkf, is_not_moved_by_the_clock_of_poses_that_it_watches) {
+  for (const double off : {-100.0, -3.0, 0.3, 4.0, 1000.0}) {
+    for (const ClockJump jump : {ClockJump::kRefuse, ClockJump::kReset, ClockJump::kContinue}) {
+      RecoveringEkf ekf = robot(true);
+      ekf.start_at({0, {0.0, -5.0, 0.0}, covariance(0.1, 0.05)});
+      Timeline<RecoveringEkf> with(ekf, at(2.0), {jump});
+      Timeline<RecoveringEkf> without(ekf, at(2.0), {jump});
+      int stale = 0;
+      const auto sink = [&](std::size_t /*index*/, const Outcome& outcome) {
+        stale += outcome.verdict == Verdict::kStale ? 1 : 0;
+      };
+      for (Message message : messages(5, true)) {
+        if (auto* z = std::get_if<PoseObservation>(&message)) {
+          z->stamp += at(off);
+          with.on(message, sink);
+        } else {
+          with.on(message, sink);
+          without.on(message, sink);
+        }
+      }
+      EXPECT_EQ(with.jumps(), 0U);
+      EXPECT_TRUE(same_bits(with.estimator().belief(), without.estimator().belief())) << off;
+      EXPECT_EQ(stale > 0, off < 0.0);
+      if (off == 0.3) {
+        EXPECT_EQ(with.estimator().watched()->state, HealthState::kOk);
+      }
+    }
+  }
 }
 
 TEST(RecoveringEkf, judges_a_late_pose_as_if_it_had_been_in_time) {

@@ -75,9 +75,14 @@ TEST(Localize, equals_feeding_by_hand_bit_for_bit) {
       std::visit([&](const auto& m) { by_hand.on(m); }, arrivals[next].message);
     }
     verdicts.push_back(by_hand.on(scan).verdict);
-    steps.push_back({by_hand.estimate(), by_hand.hypotheses().front().probability,
-                     by_hand.explained(), by_hand.belief().size, by_hand.ready(),
-                     by_hand.overall_estimate().sigma_position(), by_hand.health()});
+    steps.push_back({by_hand.estimate(),
+                     by_hand.hypotheses().front().probability,
+                     by_hand.explained(),
+                     by_hand.belief().size,
+                     by_hand.ready(),
+                     by_hand.overall_estimate().sigma_position(),
+                     by_hand.health(),
+                     {}});
   }
 
   for (const int threads : {1, 2}) {

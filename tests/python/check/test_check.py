@@ -1204,3 +1204,14 @@ def test_findings_on_a_bag_speak_of_no_files() -> None:
     assert not any(
         ".csv" in text for one in findings_of_bag for text in (one.what, one.where, one.advice)
     )
+
+
+def test_poses_that_are_watched_are_not_said_to_be_fused() -> None:
+    config = healthy(watch_poses=True, simulation__poses={"rate_hz": 2.0},
+                     use=["odometry", "ranges", "poses"])  # fmt: skip
+    fused = {**config, "watch_poses": False}
+    for change in (scaled("poses", "sigma_xy_m", 1e4), scaled("poses", "sigma_xy_m", 1e-3)):
+        assert found(checked(fused, change), "implausible_sigmas")
+        result = checked(config, change)
+        assert not [f for f in found(result, "implausible_sigmas") if "poses" in f.what]
+        assert not [f for f in found(result, "ineffective_gates") if "pose.gate" in f.what]

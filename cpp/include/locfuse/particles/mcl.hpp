@@ -74,6 +74,10 @@ class Mcl {
 
   /// The same Mcl, at a pose.
   [[nodiscard]] Mcl restarted(const PoseEstimate& pose) const;
+  /// Whether it judges a message and does not use it: its clock counts for nothing.
+  [[nodiscard]] bool watches(const Message& message) const {
+    return watch_ && std::holds_alternative<PoseObservation>(message);
+  }
   /// Whether it knows where it is: `ready` at some time since it started.
   [[nodiscard]] bool has_started() const { return health_.is_active(); }
 

@@ -71,6 +71,8 @@ class SwitchingMcl {
 
   /// The same estimator, with particles and the UWB filter at a pose.
   [[nodiscard]] SwitchingMcl restarted(const PoseEstimate& pose) const;
+  /// As Mcl::watches.
+  [[nodiscard]] bool watches(const Message& message) const { return mcl_.watches(message); }
   /// Whether the particles know where they are.
   [[nodiscard]] bool has_started() const { return mcl_.has_started(); }
 

@@ -32,7 +32,8 @@ struct WatchReport {
   Stamp stamp = 0;
   HealthState state = HealthState::kInitializing;
   WatchReason reason = WatchReason::kNoEstimate;
-  double wrong = 1.0;   ///< probability that it is not `within`
+  std::optional<Stamp> judged;  ///< the last pose that was judged [ns]
+  double wrong = 1.0;           ///< probability that it is not `within`
   double within = 0.0;  ///< probability that its position error is below limit_m, and its heading's
                         ///< below kMaxHeadingError
   /// Its last pose, carried on by odometry, less the estimate: x [m], y [m], heading [rad].
@@ -66,7 +67,7 @@ class PoseWatch {
   void on(const Velocity& u);
   void on(const Increment& u);
   /// Takes a pose, with the estimate at its stamp and that estimate's health. Returns kIgnored with
-  /// kWatched and the numbers of its innovation.
+  /// kWatched and the numbers of its innovation; kStale for one from before odometry or another.
   Outcome on(const PoseObservation& z, const PoseEstimate& estimate, const HealthReport& health);
 
   /// What is to be said of it at the stamp of `estimate`.
@@ -75,15 +76,18 @@ class PoseWatch {
  private:
   struct Carried {  // a pose, and the motion since
     PoseObservation pose;
-    UncertainMotion since;
+    UncertainMotion since = {};
+    bool has_moved_on = false;  // so far that another pose was due
+    bool is_blind = false;      // for some of the time there was no odometry
 
     [[nodiscard]] Pose2 now() const { return pose.pose * since.motion; }
   };
 
   void advance(Stamp stamp);
+  void drive(Carried& pose, const Pose2& motion, double seconds,
+             const std::optional<Vector<3>>& variance) const;
   [[nodiscard]] WatchReport judge(const PoseEstimate& estimate, const HealthReport& health) const;
   [[nodiscard]] bool agrees_with_reference(const Carried& pose) const;
-  [[nodiscard]] bool is_silent(Stamp stamp) const;
 
   Health::Config health_;
   PoseModel model_;
@@ -96,7 +100,8 @@ class PoseWatch {
   Stamp stamp_ = std::numeric_limits<Stamp>::min();  // up to which poses are carried
   std::optional<Carried> newest_;
   std::optional<Carried> reference_;  // one of some seconds ago, from before a jump
-  double excess_ = 1.0;               // mean NIS per row of poses
+  std::optional<Stamp> doubted_since_;
+  double excess_ = 1.0;  // mean NIS per row of poses
 };
 
 }  // namespace locfuse

@@ -82,6 +82,11 @@ class RecoveringEkf {
     return tracker_ && std::holds_alternative<LandmarkEkf>(*tracker_);
   }
 
+  /// Whether it judges a message and does not use it: its clock counts for nothing.
+  [[nodiscard]] bool watches(const Message& message) const {
+    return watch_ && std::holds_alternative<PoseObservation>(message);
+  }
+
   /// Whether it tracks by an AirEkf, which has a height.
   [[nodiscard]] bool is_in_space() const {
     const auto& tracker = recipe_->config.tracker;

@@ -137,7 +137,8 @@ class RunRecorder {
   void before(const Message& message, std::size_t place) {
     if (record_) {
       positions_.push_back(place);
-      if (effective_stamp(message) > stamp_of_current(estimator())) {
+      if (!internal::watches(estimator(), message) &&
+          effective_stamp(message) > stamp_of_current(estimator())) {
         keep_current();
         keep_health(run_, estimator());
       }

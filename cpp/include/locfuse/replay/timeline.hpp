@@ -72,6 +72,23 @@ template <class Estimator>
 constexpr bool kHasHelpers<Estimator, std::void_t<decltype(std::declval<const Estimator&>().leads(
                                           std::declval<const Message&>()))>> = true;
 
+/// Whether an estimator may judge messages that it does not use, so that their clocks do not count.
+template <class Estimator, class = void>
+constexpr bool kWatches = false;
+template <class Estimator>
+constexpr bool kWatches<Estimator, std::void_t<decltype(std::declval<const Estimator&>().watches(
+                                       std::declval<const Message&>()))>> = true;
+
+/// Whether an estimator judges a message and does not use it.
+template <class Estimator>
+[[nodiscard]] bool watches(const Estimator& estimator, const Message& message) {
+  if constexpr (kWatches<Estimator>) {
+    return estimator.watches(message);
+  } else {
+    return false;
+  }
+}
+
 /// Whether there is a pose to continue from.
 template <class Estimator>
 [[nodiscard]] bool has_started(const Estimator& estimator) {
@@ -95,7 +112,8 @@ template <class Estimator>
 ///
 /// A message stamped more than 5 s after all before it is kIgnored and held until the next one. If
 /// that is as late, from another source where there are several, both are fused; else it is
-/// dropped.
+/// dropped. What the estimator judges and does not use (`watches`) waits until those that it uses
+/// have come that far.
 template <class Estimator>
 class Timeline {
  public:
@@ -201,6 +219,8 @@ class Timeline {
   [[nodiscard]] std::size_t dropped_messages() const { return dropped_messages_; }
 
  private:
+  static constexpr std::size_t kMaxWatched = 1000;
+
   using Entry = internal::TimelineEntry;
   using History = internal::MessageHistory<Estimator>;
 
@@ -213,6 +233,8 @@ class Timeline {
     const Source source = source_of(entry.message);
     if (disabled_[static_cast<std::size_t>(source)]) {
       sink(entry.index, Outcome{Verdict::kIgnored, Reason::kSwitchedOff});
+    } else if (internal::watches(estimator_, entry.message)) {
+      take_watched(entry, sink);
     } else if (history_.is_stale(entry.stamp)) {
       sink(entry.index, Outcome{Verdict::kStale, Reason::kTooLate});
       watch_clock(entry, sink);
@@ -223,6 +245,32 @@ class Timeline {
       detector_.clear_stale();
       fuse(entry, sink, may_wait);
       add_source(entry);
+      judge_watched(sink);
+    }
+  }
+
+  /// Judges a message now, or once those that are used have come that far.
+  template <class Sink>
+  void take_watched(const Entry& entry, Sink& sink) {
+    internal::validate_for(estimator_, entry.message);
+    if (history_.is_stale(entry.stamp)) {
+      sink(entry.index, Outcome{Verdict::kStale, Reason::kTooLate});
+    } else if (entry.stamp > history_.newest()) {
+      sink(entry.index, Outcome{Verdict::kIgnored, Reason::kWatched});
+      if (watched_.size() < kMaxWatched) {
+        internal::insert_in_order(watched_, entry);
+      }
+    } else {
+      fuse(entry, sink);
+    }
+  }
+
+  template <class Sink>
+  void judge_watched(Sink& sink) {
+    while (!watched_.empty() && watched_.front().stamp <= history_.newest()) {
+      const Entry entry = std::move(watched_.front());
+      watched_.erase(watched_.begin());
+      fuse(entry, sink);
     }
   }
 
@@ -315,6 +363,7 @@ class Timeline {
     estimator_ = start_;
     history_.clear();
     detector_.reset();
+    watched_.clear();
   }
 
   Estimator start_;
@@ -323,6 +372,7 @@ class Timeline {
   History history_;
   internal::ClockJumpDetector detector_;
   std::array<bool, kSources> disabled_{};
+  std::vector<Entry> watched_;  // sorted; ahead of all that are used
   std::size_t arrivals_ = 0;
   std::size_t jumps_ = 0;
   std::size_t dropped_messages_ = 0;

@@ -275,14 +275,14 @@ def _events(result: RunResult, origin: int) -> list[dict[str, Any]]:
     if result.health is not None:
         events += _losses(result.health)
     if result.watched is not None:
-        events += _losses(result.watched, "watched poses ")
+        events += _losses(result.watched, "watched poses ", "no longer lost")
     return [{"t": (stamp - origin) / NANOSECONDS, "text": text} for stamp, text in sorted(events)]
 
 
-def _losses(health: Health, of: str = "") -> list[tuple[int, str]]:
+def _losses(health: Health, of: str = "", found: str = "found again") -> list[tuple[int, str]]:
     lost = np.concatenate([[False], health.state == "lost"])
     events = []
     for row in np.flatnonzero(lost[1:] != lost[:-1]).tolist():
-        text = of + (f"lost: {health.reason[row]}" if lost[row + 1] else "found again")
+        text = of + (f"lost: {health.reason[row]}" if lost[row + 1] else found)
         events.append((int(health.stamp_ns[row]), text))
     return events[:1000]

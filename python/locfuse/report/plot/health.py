@@ -10,9 +10,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from locfuse._core import PoseWatch
 from locfuse.report.plot.style import ESTIMATE, MUTED, Handle, legend, panels, time_axis, title
 from locfuse.report.text import percent, seconds, start_ns
-from locfuse.types import FloatArray, Health, RunResult
+from locfuse.types import FloatArray, Health, RunResult, Watched
 
 STATE_COLORS = {
     "initializing": "#d9d9d9",
@@ -29,13 +30,13 @@ def plot_health(result: RunResult) -> Figure | None:
 
     The background is the state. None if the run has no health.
     """
-    return _draw(result.health, result)
+    return _draw(result.health, result, "the position error is")
 
 
 def plot_watched(result: RunResult) -> Figure | None:
     """Draw the same of watched poses, and how far they are from the estimate; else None."""
     watched = result.watched
-    figure = _draw(watched, result, rows=3)
+    figure = _draw(watched, result, "errors of position and heading are", rows=3)
     if watched is None or figure is None:
         return None
     off = figure.axes[2]
@@ -47,7 +48,7 @@ def plot_watched(result: RunResult) -> Figure | None:
     return figure
 
 
-def _draw(health: Health | None, result: RunResult, rows: int = 2) -> Figure | None:
+def _draw(health: Health | None, result: RunResult, what: str, rows: int = 2) -> Figure | None:
     if health is None or len(health) == 0:
         return None
     time_s = seconds(health.stamp_ns, start_ns(result))
@@ -61,7 +62,8 @@ def _draw(health: Health | None, result: RunResult, rows: int = 2) -> Figure | N
     states, counts = np.unique(health.state, return_counts=True)
     shares = ", ".join(f"{state.replace('_', ' ')} {percent(count / len(health))}"
                        for state, count in zip(states.tolist(), counts, strict=True))  # fmt: skip
-    title(within, f"that the position error is below {limit:g} m; {shares}")
+    bound = f" and {PoseWatch.max_heading_error:g} rad" if isinstance(health, Watched) else ""
+    title(within, f"that {what} below {limit:g} m{bound}; {shares}")
     names, colors = ("x", "y"), (ESTIMATE, MUTED)
     for axis in range(2):
         level.plot(time_s, health.protection[:, axis], color=colors[axis], lw=1.0)
