@@ -31,6 +31,11 @@ double within(double limit, const Vector<3>& offset, const Matrix<3, 3>& P) {
          internal::probability_within(PoseWatch::kMaxHeadingError, offset(2), P(2, 2));
 }
 
+/// Whether measurements speak against an estimate.
+bool contradicts(const HealthReport& health) {
+  return health.state == HealthState::kLost && health.reason != HealthReason::kSilence;
+}
+
 }  // namespace
 
 PoseWatch::PoseWatch(const Config& config)
@@ -77,6 +82,7 @@ Outcome PoseWatch::on(const PoseObservation& z, const PoseEstimate& estimate,
     reference_ = newest_;
   }
   const WatchReport now = judge(estimate, health);
+  parted_ = contradicts(health) && (parted_ || now.reason != WatchReason::kContradicted);
   const bool is_lost = now.state == HealthState::kLost;
   if (outcome.dof > 0 && !is_lost && now.reason != WatchReason::kUnverified) {
     const double ratio = std::min(outcome.nis / outcome.dof, internal::HealthTuning::kMaxMeanNis);
@@ -142,13 +148,13 @@ WatchReport PoseWatch::judge(const PoseEstimate& estimate, const HealthReport& h
   const bool is_elsewhere = fits < (1.0 - health_.probability_lost) * at_best &&
                             squared_mahalanobis(report.error, P) > gate_.limit(3);
   const bool is_silent = health.reason == HealthReason::kSilence;  // nothing but odometry
-  const bool is_lost = health.state == HealthState::kLost && !is_silent;
+  const bool is_lost = contradicts(health);
   const bool is_vague = is_silent || at_best < WatchTuning::kVagueWithin;
   const auto say = [&](HealthState state, WatchReason reason) {
     report.state = state;
     report.reason = reason;
   };
-  if (is_lost && !is_elsewhere) {
+  if (is_lost && !is_elsewhere && !parted_) {
     say(HealthState::kLost, WatchReason::kContradicted);
   } else if (is_elsewhere && !is_lost && !is_silent) {
     say(HealthState::kLost, WatchReason::kFarOff);

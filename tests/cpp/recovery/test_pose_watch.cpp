@@ -211,6 +211,11 @@ TEST(PoseWatch, is_lost_with_the_estimate_at_one_place_and_unverified_at_another
   (void)other.pose({5.0, 0.0, 0.0});  // which odometry does not explain either
   EXPECT_EQ(other.report().state, HealthState::kDegraded);
   EXPECT_EQ(other.report().reason, WatchReason::kUnverified);
+  other.here = other.here * Pose2{5.0, 0.0, 0.0};  // it looks for itself, and finds itself there
+  (void)other.pose({});
+  EXPECT_EQ(other.report().state, HealthState::kDegraded);
+  other.health = Watched::good();
+  EXPECT_EQ(other.report().state, HealthState::kOk);
 }
 
 /// With an estimate too vague to judge anything.

@@ -101,6 +101,7 @@ class PoseWatch {
   std::optional<Carried> newest_;
   std::optional<Carried> reference_;  // one of some seconds ago, from before a jump
   std::optional<Stamp> doubted_since_;
+  bool parted_ = false;  // a pose was elsewhere since measurements contradict the estimate
   double excess_ = 1.0;  // mean NIS per row of poses
 };
 
