@@ -70,7 +70,8 @@ class PoseWatch {
   /// kWatched and the numbers of its innovation; kStale for one from before odometry or another.
   Outcome on(const PoseObservation& z, const PoseEstimate& estimate, const HealthReport& health);
 
-  /// What is to be said of it at the stamp of `estimate`.
+  /// What is to be said of it at the stamp of `estimate`. Both throw NumericalError unless the
+  /// covariance of the estimate is positive definite.
   [[nodiscard]] WatchReport report(const PoseEstimate& estimate, const HealthReport& health) const;
 
  private:
