@@ -12,7 +12,8 @@ STATES = ("ok", "degraded", "ambiguous", "dead_reckoning", "lost", "initializing
 
 def shares(health: Health) -> dict[str, float]:
     """Return the share of the time in each state that occurred, the best state first."""
-    counted = {state: float(np.mean(health.state == state)) for state in STATES}
+    rows = max(len(health), 1)
+    counted = {state: float(np.sum(health.state == state) / rows) for state in STATES}
     return {state: share for state, share in counted.items() if share > 0.0}
 
 

@@ -30,3 +30,11 @@ def test_the_state_at_the_end_is_said_with_its_reason() -> None:
                                 "reckoning: nothing was fused")  # fmt: skip
     rare = health_of(*["ok"] * 5000, "lost", "ok")
     assert sentence(rare) == "ok 100 %, lost 0.1 % of the time; at the end ok"
+
+
+def test_there_are_no_shares_of_a_run_without_a_row() -> None:
+    nothing = np.zeros(0)
+    words = np.zeros(0, dtype=np.str_)
+    health = Health(nothing.astype(np.int64), words, nothing, nothing, np.zeros((0, 3)), words)
+    assert shares(health) == {}
+    assert not was_lost(health)
