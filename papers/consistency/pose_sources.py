@@ -58,12 +58,18 @@ def wandering(correlation_s: float, stated: float = 1.0) -> Callable[[Drive], Po
     def poses(of: Drive) -> Poses:
         kept = np.exp(-1.0 / (RATE_HZ * correlation_s)) if correlation_s > 0.0 else 0.0
         draws = of.rng.standard_normal(of.true.shape)
-        errors = draws.copy()
-        for k in range(1, len(errors)):
-            errors[k] = kept * errors[k - 1] + np.sqrt(1.0 - kept**2) * draws[k]
+        errors = gauss_markov(draws, np.full(len(draws), kept))
         return of.stamp_ns, of.true + SIGMA * errors, np.tile(stated * SIGMA, (len(errors), 1))
 
     return poses
+
+
+def gauss_markov(draws: FloatArray, kept: FloatArray) -> FloatArray:
+    """Return errors of variance 1, of which row k keeps the share `kept[k]` of the one before."""
+    errors = draws.copy()
+    for k in range(1, len(errors)):
+        errors[k] = kept[k] * errors[k - 1] + np.sqrt(1.0 - kept[k] ** 2) * draws[k]
+    return errors
 
 
 def turned_map(of: Drive) -> Poses:

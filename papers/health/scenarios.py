@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
@@ -99,9 +100,14 @@ def drive_of(result: RunResult) -> Drive:
     health = result.health
     row = np.searchsorted(errors.stamp_ns, health.stamp_ns, side="right") - 1
     known = row >= 0
-    kept = {field.name: getattr(health, field.name)[known] for field in fields(Health)}
     error = np.column_stack([errors.position, errors.heading])[row[known]]
-    return Drive(Health(**kept), error)
+    return Drive(rows_of_health(health, known), error)
+
+
+def rows_of_health(health: Health, kept: NDArray[np.bool_]) -> Health:
+    """Return the rows of a health, or of watched poses, that are kept."""
+    columns = {field.name: getattr(health, field.name)[kept] for field in fields(health)}
+    return replace(health, **columns)
 
 
 def simulated(config: RunConfig, seed: int) -> Log:

@@ -18,11 +18,19 @@ from locfuse.run.messages import truth_of
 from locfuse.run.run import run
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray, wrap_angle
 from papers.claims import Claim, Progress, absent, claim_of, claims_of, share
-from papers.consistency.pose_sources import carried
+from papers.consistency.pose_sources import carried, gauss_markov
 from papers.consistency.recordings import on_map
 from papers.health import map_scenarios, scenarios
 from papers.health.alarms import PATIENCE_S, alarms_of, joined
-from papers.health.scenarios import DURATION_S, LIMIT_M, Drive, Scenario, carried_off, drives_of
+from papers.health.scenarios import (
+    DURATION_S,
+    LIMIT_M,
+    Drive,
+    Scenario,
+    carried_off,
+    drives_of,
+    rows_of_health,
+)
 
 SIGMA = np.array([0.06, 0.06, np.deg2rad(1.0)])  # of its errors, each axis, as it states them
 CORRELATION_S = 5.0
@@ -114,10 +122,7 @@ def with_poses(log: Log, fault: Fault, seed: int) -> Log:
     stamp_ns, true = _published(log)
     seconds = (stamp_ns - stamp_ns[0]) / NANOSECONDS
     kept = np.exp(-np.diff(seconds, prepend=0.0) / CORRELATION_S)
-    draws = rng.standard_normal(true.shape)
-    errors = draws.copy()
-    for k in range(1, len(errors)):
-        errors[k] = kept[k] * errors[k - 1] + np.sqrt(1.0 - kept[k] ** 2) * draws[k]
+    errors = gauss_markov(rng.standard_normal(true.shape), kept)
     begin = rng.uniform(0.2, 0.8) * seconds[-1]
     return _with_table(log, stamp_ns, fault(seconds - begin, true + SIGMA * errors, rng))
 
@@ -139,7 +144,7 @@ def _published(log: Log) -> tuple[StampArray, FloatArray]:
     """Return the stamps at which it publishes, and the true poses."""
     truth = truth_of(log)
     assert truth is not None
-    stamps, last = [], np.full(3, np.inf)
+    last = np.full(3, np.inf)
     at, _ = interpolate(truth, log["odometry"]["stamp_ns"])
     assert at.heading is not None
     poses = np.column_stack([at.position, at.heading])
@@ -148,9 +153,8 @@ def _published(log: Log) -> tuple[StampArray, FloatArray]:
         off = pose - last
         if not np.hypot(off[0], off[1]) < STEP_M or abs(wrap_angle(off[2])) >= STEP_RAD:
             rows.append(row)
-            stamps.append(int(at.stamp_ns[row]))
             last = pose
-    return np.array(stamps, np.int64), poses[rows]
+    return at.stamp_ns[rows], poses[rows]
 
 
 def _with_table(log: Log, stamp_ns: StampArray, poses: FloatArray) -> Log:
@@ -225,10 +229,7 @@ def watched_drive(scenario: Scenario, seed: int) -> WatchedDrive:
     assert there.heading is not None
     error = along[row[kept]] - np.column_stack([there.position, there.heading])
     error[:, 2] = wrap_angle(error[:, 2])
-    said = replace(watched, **{name: getattr(watched, name)[kept] for name in
-                               ("stamp_ns", "state", "within", "wrong", "protection", "reason",
-                                "error")})  # fmt: skip
-    return WatchedDrive(said, error)
+    return WatchedDrive(rows_of_health(watched, kept), error)
 
 
 def watch_claims(seeds: int, progress: Progress, configs: Path | None) -> list[Claim]:

@@ -213,8 +213,8 @@ class Topics(Strict):
     AMCL, usually `initialpose`.
     """
     fallback: Name | None = None
-    """Published with `watch_poses`: the last watched pose while it is not lost, else the estimate
-    unless that is lost, too: PoseWithCovarianceStamped.
+    """Published with `watch_poses`: each watched pose, once it is judged, while it is not lost,
+    else the estimate if that is ok or degraded: PoseWithCovarianceStamped.
     """
     mapped: Name | None = "locfuse/landmarks"
     """Published latched by an estimator that maps: locfuse_msgs/NamedPoints."""

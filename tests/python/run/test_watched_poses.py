@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from typer.testing import CliRunner
 
-from locfuse.cli.app import app
 from locfuse.config.load import parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.live import LiveRun, LiveWatched
@@ -25,6 +23,7 @@ from locfuse.run.run import load_log, run
 from locfuse.types import NANOSECONDS, Columns, ConfigError, Log, Watched
 from support_adapter import Robot, later, pose_of, stamps
 from support_live import arrivals, live_of, world_of
+from support_runs import locfuse
 
 BY_RANGES: Mapping[str, Any] = {
     "simulation": {
@@ -309,10 +308,10 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_user_sees_it(folder: Path) -> None:
     out = folder / "out"
-    args = ["run", str(folder / "robot.yaml"), "--out", str(out), "--fail-if-lost"]
-    told = CliRunner().invoke(app, args)
-    assert told.exit_code == 0, told.output
-    assert "watched poses: ok" in told.output
+    args = ("run", folder / "robot.yaml", "--out", out, "--fail-if-lost")
+    said = locfuse(*args)
+    assert said.status == 0, said.err
+    assert "watched poses: ok" in said.out
     with (out / "watched.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert {"stamp_s", "state", "within", "error_x_m", "reason"} <= set(rows[0])
@@ -322,7 +321,7 @@ def test_a_user_sees_it(folder: Path) -> None:
     assert json.loads((out / "metrics.json").read_text())["watched"]["alarms"] == 0
     config = {**BY_RANGES, "start": "truth", "watch_poses": False}
     (folder / "robot.yaml").write_text(yaml.safe_dump(config))
-    CliRunner().invoke(app, args)
+    assert locfuse(*args).status == 0
     assert not (out / "watched.csv").exists()
     assert not (out / "watched.png").exists()
 

@@ -18,13 +18,13 @@ namespace locfuse {
 enum class WatchReason : std::uint8_t {
   kNone,
   kNoEstimate,      ///< there is no estimate to judge them by yet
-  kNoPose,          ///< no pose has been received yet
+  kNoPose,          ///< no pose that could be judged has been received yet
   kFarOff,          ///< too far from the estimate
   kContradicted,    ///< measurements contradict the place on which both agree
   kJumped,          ///< moved as odometry did not
   kSigmasTooSmall,  ///< near, but farther off than their covariance says
   kSilent,          ///< no pose for some time, though the robot has moved on
-  kUnverified,      ///< the estimate itself is too vague, or lost somewhere else
+  kUnverified,      ///< the estimate cannot judge: lost elsewhere, vague, or by odometry alone
 };
 
 /// How far the poses of another localizer may be trusted, in numbers.
