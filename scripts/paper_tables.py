@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write docs/papers.md and the papers' rows of README.md from docs/papers.json; --check compares.
+"""Write results/papers.md and the papers' rows of README.md; --check compares.
 
-docs/papers.json is what `locfuse reproduce all` leaves.
+Both are made of results/papers.json, which `locfuse reproduce all` leaves.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ sys.path[0] = str(ROOT)  # otherwise `papers` is this file
 
 from papers.page import FIVE, HEAD, OURS, PAPERS_IN_ORDER, Repeated, cells_of, judge, read_rows  # noqa: E402
 
-ROWS, PAGE, README = ROOT / "docs/papers.json", ROOT / "docs/papers.md", ROOT / "README.md"
+ROWS, PAGE, README = ROOT / "results/papers.json", ROOT / "results/papers.md", ROOT / "README.md"
 BEGIN, END = "<!-- rows of the papers, by scripts/paper_tables.py -->", "<!-- end of these rows -->"
 
 TOP = """# Five papers, repeated
 
 `locfuse reproduce all` writes this as one page with pictures, and `papers.json` beside it, of
 which `scripts/paper_tables.py` makes these tables. To check that a machine gets the same:
-`locfuse reproduce all --quick --compare docs/papers.json`.
+`locfuse reproduce all --quick --compare results/papers.json`.
 
 ![The page: the five papers, and what the first reports above our figures](images/papers_page.png)
 
@@ -53,7 +53,7 @@ def main() -> int:
 
 
 def page_of(repeated: list[Repeated]) -> str:
-    """Return docs/papers.md."""
+    """Return results/papers.md."""
     parts = [TOP, _overview(repeated)]
     for paper, one in zip(PAPERS_IN_ORDER, repeated, strict=True):
         command = f"locfuse reproduce {paper.key} --seeds {one.seeds}"

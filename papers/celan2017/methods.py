@@ -39,7 +39,7 @@ SIGMAS = {
     "sigma_heading_per_sqrt_rad": 0.05,
 }
 # The same for the filter of UWB, which is asked where they may spin: as on a floor that is wet.
-# Particles with that noise spread needlessly: the switch acts in clean laps (docs/accuracy.md).
+# Particles with that noise spread needlessly: the switch acts in clean laps (results/accuracy.md).
 SIGMAS_WET = SIGMAS | {
     "sigma_longitudinal_per_sqrt_m": 0.2,
     "sigma_heading_per_sqrt_m": 0.06,

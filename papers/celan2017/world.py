@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The floor, the lap and the sensors of celan2017, sections III and IV; docs/accuracy.md."""
+"""The floor, the lap and the sensors of celan2017, sections III and IV; results/accuracy.md."""
 
 from __future__ import annotations
 

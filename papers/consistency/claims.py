@@ -16,7 +16,7 @@ from papers.consistency.planar_estimators import FLOOR, landmark_ekf, mcl
 from papers.consistency.sample import Sample, Squared
 
 SCENARIOS: Mapping[str, Callable[[int, float], Sample]] = {**FLOOR, **OTHERS}
-MCL_BAND = (2.0 / 3.0, 4.0 / 3.0)  # of NEES per component; docs/consistency.md says why
+MCL_BAND = (2.0 / 3.0, 4.0 / 3.0)  # of NEES per component; results/consistency.md says why
 
 
 @dataclass(frozen=True)

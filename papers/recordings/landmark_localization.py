@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Localization on landmarks, simulated and recorded: rows for docs/accuracy.md."""
+"""Localization on landmarks, simulated and recorded: rows for results/accuracy.md."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monte Carlo localization on recordings and simulated floors: rows for docs/accuracy.md."""
+"""Monte Carlo localization on recordings and simulated floors: rows for results/accuracy.md."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from papers.page import PAGE, read_rows, write_page
 from support_browser import Browser
 
-ROWS = Path(__file__).resolve().parents[2] / "docs" / "papers.json"
+ROWS = Path(__file__).resolve().parents[2] / "results" / "papers.json"
 
 
 def test_claims_are_read_on_a_narrow_screen_and_links_lead_there(

@@ -150,7 +150,7 @@ def test_the_page_has_what_a_paper_reports_above_our_figures_and_its_picture(
 
 
 def test_every_statement_has_rows_that_were_run_and_every_picture_says_what_is_seen() -> None:
-    committed = {one.paper: one for one in read_rows(ROOT / "docs/papers.json")}
+    committed = {one.paper: one for one in read_rows(ROOT / "results/papers.json")}
     for paper in PAPERS_IN_ORDER:
         assert len(paper.statements) >= 8
         ids = {row["id"] for row in committed[paper.key].claims}
@@ -168,7 +168,7 @@ def test_every_statement_has_rows_that_were_run_and_every_picture_says_what_is_s
 
 def test_statements_can_come_out_either_way() -> None:
     """Each can come out either way: medians turned into their inverses change half of them."""
-    for one in read_rows(ROOT / "docs/papers.json"):
+    for one in read_rows(ROOT / "results/papers.json"):
         paper = FIVE[one.paper]
         other = [{**row, "ours_median": 1.0 / (row["ours_median"] or 1e-3)} for row in one.claims
                  if row["ours_median"] is not None]  # fmt: skip
@@ -359,7 +359,7 @@ def test_the_command_shows_what_a_paper_reports(stages: None) -> None:
 
 def test_the_band_of_gadaus_nees_is_that_of_all_rows_that_have_one() -> None:
     judged = next(
-        one for one in read_rows(ROOT / "docs" / "papers.json") if one.paper == "gadau2022"
+        one for one in read_rows(ROOT / "results" / "papers.json") if one.paper == "gadau2022"
     )
     rows = [row for row in judged.claims if row["id"].endswith("_nees") and row["required"] != "-"]
     assert len(rows) == NEES_ROWS

@@ -42,7 +42,12 @@ from papers.reproduce import PAPERS
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+RESULTS = ROOT / "results"
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "TESTING.md")),
+    *sorted(DOCS.rglob("*.md")),
+    *sorted(RESULTS.rglob("*.md")),
+]
 SOURCES = [
     path
     for folder in ("cpp", "bindings", "python/locfuse", "examples", "benchmarks")
@@ -274,7 +279,7 @@ def test_relative_links_hit_a_file_and_a_heading(page: Path) -> None:
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=name_of)
 def test_files_of_the_repository_that_are_named_exist(page: Path) -> None:
-    folders = "cpp|python|papers|bindings|tests|scripts|examples|benchmarks|docs|cmake"
+    folders = "cpp|python|papers|bindings|tests|scripts|examples|benchmarks|docs|results|cmake"
     for name in re.findall(rf"`((?:{folders})/[\w./-]+)`", prose_of(page)):
         assert (ROOT / name).exists(), f"{page}: {name}"
 
@@ -307,7 +312,7 @@ def citations() -> list[tuple[Path, str, int]]:
     found = []
     for source in SOURCES:
         text = source.read_text()
-        pages = sorted(set(re.findall(r"docs/[\w/]+\.md", text)))
+        pages = sorted(set(re.findall(r"(?:docs|results)/[\w/]+\.md", text)))
         text = re.sub(r"(?:ekim2020|celan2017)\W+eq\. \(\d+\)", "", text)
         for first, last in re.findall(r"\beq\.\s+\((\d+)\)(?:\s+to\s+\((\d+)\))?", text):
             assert len(pages) == 1, f"{source} cites eq. ({first}) of {pages}"
@@ -329,7 +334,7 @@ def test_equations_are_numbered_in_order(page: Path) -> None:
 
 
 def test_pages_that_the_sources_name_exist() -> None:
-    named = {n for s in SOURCES for n in re.findall(r"docs/[\w/]+\.md", s.read_text())}
+    named = {n for s in SOURCES for n in re.findall(r"(?:docs|results)/[\w/]+\.md", s.read_text())}
     assert named
     for name in named:
         assert (ROOT / name).is_file(), name
@@ -518,14 +523,14 @@ def test_rows_of_reproduce_are_documented() -> None:
 
 
 def papers_json() -> dict[str, dict[str, Any]]:
-    """Return the claims of docs/papers.json by id."""
-    found = json.loads((DOCS / "papers.json").read_text())
+    """Return the claims of results/papers.json by id."""
+    found = json.loads((RESULTS / "papers.json").read_text())
     return {row["id"]: row for paper in found["papers"] for row in paper["claims"]}
 
 
 def test_figures_of_celan2017_stand_on_one_page() -> None:
-    """They once stood in docs/accuracy.md, too, and stayed there when filters had changed."""
-    section = (DOCS / "accuracy.md").read_text().split("\n## Celan\n")[1].split("\n## ")[0]
+    """They once stood in results/accuracy.md, too, and stayed there when filters had changed."""
+    section = (RESULTS / "accuracy.md").read_text().split("\n## Celan\n")[1].split("\n## ")[0]
     assert re.findall(r"\[[\d.,]+\.\.[\d.,]+\]", section) == []
     assert "papers.md" in section
 
@@ -557,7 +562,7 @@ def test_figures_of_the_scrubber_are_those_of_papers_json() -> None:
 
 def test_figures_of_zhang_are_those_of_papers_json() -> None:
     values = {id: row["ours_median"] for id, row in papers_json().items()}
-    rows = {row[0]: row[1:4] for row in table_under(DOCS / "accuracy.md", "## Zhang")}
+    rows = {row[0]: row[1:4] for row in table_under(RESULTS / "accuracy.md", "## Zhang")}
 
     def three(what: str, *formats: str) -> list[str]:
         names = ("standard", "paper", "ours")
@@ -577,7 +582,7 @@ def test_figures_of_zhang_are_those_of_papers_json() -> None:
 
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_accuracy_of_recordings_is_as_documented(name: str) -> None:
-    rows = {row[0]: row for row in table_under(DOCS / "accuracy.md", "## Recordings")}
+    rows = {row[0]: row for row in table_under(RESULTS / "accuracy.md", "## Recordings")}
     file, of_dataset, limit = RECORDINGS[name]
     config = load_config(ROOT / "examples/configs" / file)
     if of_dataset is not None:

@@ -69,7 +69,7 @@ def test_rows_break_where_nothing_is_found() -> None:
         assert rows[f"zhang_{name}"].met is False
 
 
-PAPER_M = 0.0034  # error of the paper's method in docs/accuracy.md
+PAPER_M = 0.0034  # error of the paper's method in results/accuracy.md
 
 
 def tracked(seeds: int) -> tuple[FloatArray, FloatArray]:
