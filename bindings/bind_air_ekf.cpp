@@ -46,7 +46,7 @@ void bind_air_models(py::module_& m) {
                      "rad / sqrt(s)");
   py::class_<ConstantVelocityMotion>(
       m, "ConstantVelocityMotion",
-      "Constant-velocity motion without odometry; docs/models/constant_velocity.md.")
+      "Constant-velocity motion without odometry; docs/models/motion.md.")
       .def(py::init<const VelocityConfig&>(), py::arg("config"))
       .def("propagate", &ConstantVelocityMotion::propagate, py::arg("state"), py::arg("seconds"),
            "State (7,) `seconds` later: x, y, heading, height, velocity x and y, climb rate.");

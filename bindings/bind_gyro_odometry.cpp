@@ -61,7 +61,7 @@ void bind_gyro_odometry(py::module_& m) {
       .def_readonly("increment", &GyroMotion::increment);
   py::class_<GyroOdometry>(
       m, "GyroOdometry",
-      R"(Odometry whose turn is measured by wheels and a gyro together; docs/models/gyro_odometry.md.
+      R"(Odometry whose turn is measured by wheels and a gyro together; docs/models/motion.md.
 
 Feed messages in order of arrival. The gyro's bias and the scale of the wheels' turn are learnt from
 their differences; where the two contradict each other wheels slip, and the turn is the gyro's. With

@@ -15,7 +15,7 @@ using locfuse::Mcl;
 void bind_mcl(py::module_& m) {
   using FieldConfig = LikelihoodField::Config;
   py::class_<FieldConfig>(m, "LikelihoodFieldConfig",
-                          "Likelihood field of beam end points; docs/models/mcl.md.")
+                          "Likelihood field of beam end points; docs/models/particles.md.")
       .def(py::init<>())
       .def_readwrite("sigma_hit_m", &FieldConfig::sigma_hit_m)
       .def_readwrite("random_share", &FieldConfig::random_share)
@@ -23,9 +23,8 @@ void bind_mcl(py::module_& m) {
       .def_readwrite("clutter_per_m", &FieldConfig::clutter_per_m)
       .def_readwrite("unknown_per_m", &FieldConfig::unknown_per_m);
   using BeamConfig = BeamModel::Config;
-  py::class_<BeamConfig>(
-      m, "BeamModelConfig",
-      "Beam model: weights of a mixture over the range; docs/models/beam_model.md.")
+  py::class_<BeamConfig>(m, "BeamModelConfig",
+                         "Beam model: weights of a mixture over the range; docs/models/scans.md.")
       .def(py::init<>())
       .def_static("gaussian_and_no_return", &BeamModel::gaussian_and_no_return,
                   "Mixture of a Gaussian and beams without return (zhang).")
@@ -100,7 +99,7 @@ void bind_mcl(py::module_& m) {
   py::class_<Mcl> bound(m, "Mcl", R"(Monte Carlo localization on a grid map.
 
 Scans weight particles by the likelihood field or the beam model; ranges, positions, poses and
-landmarks can weight them, too (docs/models/mcl.md). Initially they cover all free cells.
+landmarks can weight them, too (docs/models/particles.md). Initially they cover all free cells.
 
 Parameters
 ----------

@@ -147,7 +147,7 @@ sigma_speed_mps, sigma_steering_rad : float
       m, "AckermannVehicle",
       R"(Body velocity of an Ackermann vehicle from wheel speed and steering angle.
 
-The body origin is the middle of the rear axle; docs/models/ackermann.md. The steering angle [rad]
+The body origin is the middle of the rear axle; docs/models/motion.md. The steering angle [rad]
 is that of a virtual wheel in the middle of the front axle, positive to the left; the wheel speed
 [m/s] is negative backwards. Every method raises ValueError for a value that is not finite and where
 the speed is not observable: steering angles of 90 degrees and more, or a turning centre that does
@@ -216,7 +216,7 @@ void bind_models(py::module_& m) {
                      "rad / sqrt(s)")
       .def_readwrite("sigma_longitudinal_per_sqrt_s",
                      &OdometryConfig::sigma_longitudinal_per_sqrt_s, "m / sqrt(s)");
-  py::class_<OdometryMotion>(m, "OdometryMotion", "Wheel odometry; docs/models/odometry.md.")
+  py::class_<OdometryMotion>(m, "OdometryMotion", "Wheel odometry; docs/models/motion.md.")
       .def(py::init<const OdometryConfig&>(), py::arg("config"))
       .def("propagate",
            py::overload_cast<const Pose2&, const Pose2&, double,
@@ -239,7 +239,7 @@ void bind_models(py::module_& m) {
       .def_readwrite("noise", &RangeConfig::noise, "Distribution of the noise of ranges.");
   py::class_<RangeModel>(
       m, "RangeModel",
-      "Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.")
+      "Range from a body-fixed tag to an anchor, both in 3D; docs/models/ranges.md.")
       .def(py::init<const RangeConfig&, std::shared_ptr<AnchorMap>, std::vector<Tag>>(),
            py::arg("config"), py::arg("anchors"), py::arg("tags"))
       .def("predict",
@@ -300,7 +300,7 @@ void bind_models(py::module_& m) {
                      "Sigma of an elevation without its own [rad].");
   py::class_<RangeBearingModel>(m, "RangeBearingModel",
                                 "Range and bearing from a sensor on the body to a landmark at (2,) "
-                                "in world; docs/models/range_bearing.md.")
+                                "in world; docs/models/landmarks.md.")
       .def(py::init<const RangeBearingConfig&, const Pose2&>(), py::arg("config"),
            py::arg("T_body_sensor") = Pose2{})
       .def(py::init<const RangeBearingConfig&, const Pose2&, const RangeBearingInSpace&>(),
@@ -352,7 +352,7 @@ void bind_models(py::module_& m) {
       .def_readwrite("noise", &PositionConfig::noise, "Distribution of the noise of fixes.");
   py::class_<PositionModel>(
       m, "PositionModel",
-      "Position of an antenna on the body, or of one of its tags; docs/models/position.md.")
+      "Position of an antenna on the body, or of one of its tags; docs/models/poses.md.")
       .def(py::init<const PositionConfig&, std::vector<locfuse::Tag>>(), py::arg("config"),
            py::arg("tags") = std::vector<locfuse::Tag>{})
       .def("predict", py::overload_cast<const Pose2&>(&PositionModel::predict, py::const_),
@@ -393,7 +393,7 @@ void bind_models(py::module_& m) {
       .def_readwrite("gate", &PoseConfig::gate,
                      "Probability that a good pose passes its gate; 1: no gate.")
       .def_readwrite("noise", &PoseConfig::noise, "Distribution of the noise of poses.");
-  py::class_<PoseModel>(m, "PoseModel", "Pose from another localizer; docs/models/pose.md.")
+  py::class_<PoseModel>(m, "PoseModel", "Pose from another localizer; docs/models/poses.md.")
       .def(py::init<>())
       .def(py::init<const PoseConfig&>(), py::arg("config"))
       .def("predict", &PoseModel::predict, py::arg("T_world_body"))

@@ -322,7 +322,7 @@ max_iterations : int
 Returns
 -------
 PositionSolution
-    Derivation: docs/models/multilateration.md.
+    Derivation: docs/models/ranges.md.
 
 Raises
 ------

@@ -56,7 +56,7 @@ void bind_switching_mcl(py::module_& m) {
                                  R"(Mcl that UWB relocalizes (celan2017, sections III.C and V.B).
 
 Scans alone determine the pose while they are trusted; otherwise the pose from UWB and odometry
-becomes the particles' belief (docs/models/switching_mcl.md). Ranges and fixes go to a
+becomes the particles' belief (docs/models/particles.md). Ranges and fixes go to a
 RecoveringEkf that runs in parallel, initializes itself and detects when it is lost.
 
 Parameters

@@ -75,7 +75,7 @@ void bind_rigid_fit(py::module_& m) {
   m.def("rigid_fit", &fit, py::arg("body"), py::arg("world"), py::arg("covariance"),
         R"(Pose that maps points of a body to their measured positions.
 
-Least squares weighted with the covariance; docs/models/rigid_fit.md.
+Least squares weighted with the covariance; docs/models/poses.md.
 
 Parameters
 ----------
@@ -136,7 +136,7 @@ void bind_point_models(py::module_& m) {
 
   py::class_<VelocityModel>(
       m, "VelocityModel",
-      "Velocities of points on a body from wheel odometry; docs/models/velocity.md.")
+      "Velocities of points on a body from wheel odometry; docs/models/poses.md.")
       .def(py::init<const VelocityConfig&>(), py::arg("config"))
       .def_static("predict", &VelocityModel::predict, py::arg("heading"), py::arg("twist"),
                   py::arg("point_in_body"),
@@ -151,8 +151,8 @@ void bind_point_models(py::module_& m) {
           },
           py::arg("velocities"), py::arg("heading"), py::arg("twist"), py::arg("points_in_body"),
           "Linearization (6 x 6) of three points (3, 2) with velocities (6,) in world.");
-  py::class_<PointDistanceModel>(
-      m, "PointDistanceModel", "Known distance between two points; docs/models/point_distance.md.")
+  py::class_<PointDistanceModel>(m, "PointDistanceModel",
+                                 "Known distance between two points; docs/models/poses.md.")
       .def(py::init<const DistanceConfig&>(), py::arg("config"))
       .def_static("predict", &PointDistanceModel::predict, py::arg("a"), py::arg("b"))
       .def(
@@ -258,7 +258,7 @@ void bind_conditioner(py::module_& m) {
       R"(Conditions the fixes of an RTLS, per tag, before they reach a filter.
 
 Removes a constant bias, rejects jumps and frozen values, and low-passes the rest, whose lag at most
-is added to the covariance; docs/models/tag_triangle_ekf.md. Feed it in order of effective stamps.
+is added to the covariance; docs/models/poses.md. Feed it in order of effective stamps.
 
 Parameters
 ----------
@@ -306,7 +306,7 @@ void bind_ekf(py::module_& m) {
                              R"(Extended Kalman filter over positions and velocities of three tags.
 
 The 12-state filter of celan2017, section III.D: fixes of the tags, their velocities from wheel
-odometry, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
+odometry, the sides of their triangle; docs/models/poses.md. Slots are
 `tag0.position` to `tag2.position`, then `tag0.velocity` to `tag2.velocity`.
 
 Parameters

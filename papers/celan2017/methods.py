@@ -161,7 +161,7 @@ def covariance_bounds(
 
 
 def _moved(heading: float, motion: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return F and Q of a motion in body: docs/models/odometry.md, eq. (2), (3) and (8)."""
+    """Return F and Q of a motion in body: docs/models/motion.md, eq. (1.2), (1.3) and (1.8)."""
     turn = _turn(heading)
     dx, dy = turn @ motion[:2]
     F = np.eye(6)
@@ -378,7 +378,7 @@ class Rolling:
 
 
 def rolled(x: FloatArray, seconds: float) -> _core.BodyPropagation:
-    """Return one step of (x, y, heading, speed, turn rate); docs/models/rolling.md."""
+    """Return one step of (x, y, heading, speed, turn rate); results/rolling.md."""
     _, _, heading, speed, turn = x.tolist()
     middle = heading + 0.5 * turn * seconds
     ahead = np.array([np.cos(middle), np.sin(middle)])

@@ -192,7 +192,7 @@ def compared(
 def park_config(log: Log) -> _core.PoseEkfConfig:
     """Return the noise of the laser, and what the recording's notes have: 0.2 m/s, 4 degrees.
 
-    These are of each reading of the truck; docs/models/ackermann.md, eq. (6), at its mean speed. It
+    These are of each reading of the truck; docs/models/motion.md, eq. (3.6), at its mean speed. It
     does not slip aside. The notes' 0.1 m and 1 degree of a pole have room for errors that last,
     which the filter knows.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard MCL, the paper's and ours side by side, over seeds; docs/models/zhang.md."""
+"""Standard MCL, the paper's and ours side by side, over seeds; results/zhang.md."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines of scans and maps, and an EKF on them; docs/models/zhang.md eq. (10) to (13)."""
+"""Lines of scans and maps, and an EKF on them; results/zhang.md eq. (10) to (13)."""
 
 from __future__ import annotations
 

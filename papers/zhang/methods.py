@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard MCL (Table 1), the paper's MCL with EKF, and ours; docs/models/zhang.md."""
+"""Standard MCL (Table 1), the paper's MCL with EKF, and ours; results/zhang.md."""
 
 from __future__ import annotations
 

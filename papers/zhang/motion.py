@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of many poses at once: docs/models/zhang.md eq. (4) and (6)."""
+"""Motion of many poses at once: results/zhang.md eq. (4) and (6)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Particles, beam model, similar energy region; docs/models/zhang.md eq. (7), (8), (14)."""
+"""Particles, beam model, similar energy region; results/zhang.md eq. (7), (8), (14)."""
 
 from __future__ import annotations
 

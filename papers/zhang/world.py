@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated world of Zhang and its messages, iteration by iteration; docs/models/zhang.md."""
+"""The simulated world of Zhang and its messages, iteration by iteration; results/zhang.md."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Step:
     stamp_ns : int64 array, shape (m + 1,)
         Between which the controls hold.
     control : float64 array, shape (m, 2)
-        Distance [m] and turn [rad], the mean of odometer and gyro: docs/models/zhang.md eq. (5).
+        Distance [m] and turn [rad], the mean of odometer and gyro: results/zhang.md eq. (5).
     ranges : float64 array, shape (181,)
         Metres; NaN where there was no return.
     scan : LaserScan

@@ -1606,7 +1606,7 @@ class AckermannVehicle:
     """
     Body velocity of an Ackermann vehicle from wheel speed and steering angle.
 
-    The body origin is the middle of the rear axle; docs/models/ackermann.md. The steering angle [rad]
+    The body origin is the middle of the rear axle; docs/models/motion.md. The steering angle [rad]
     is that of a virtual wheel in the middle of the front axle, positive to the left; the wheel speed
     [m/s] is negative backwards. Every method raises ValueError for a value that is not finite and where
     the speed is not observable: steering angles of 90 degrees and more, or a turning centre that does
@@ -1818,7 +1818,7 @@ class OdometryConfig:
 
 class OdometryMotion:
     """
-    Wheel odometry; docs/models/odometry.md.
+    Wheel odometry; docs/models/motion.md.
     """
     def __init__(self, config: OdometryConfig) -> None: ...
     def propagate(
@@ -1868,7 +1868,7 @@ class RangeConfig:
 
 class RangeModel:
     """
-    Range from a body-fixed tag to an anchor, both in 3D; docs/models/range.md.
+    Range from a body-fixed tag to an anchor, both in 3D; docs/models/ranges.md.
     """
     def __init__(
         self, config: RangeConfig, anchors: AnchorMap, tags: collections.abc.Sequence[Tag]
@@ -1962,7 +1962,7 @@ class RangeBearingInSpace:
 
 class RangeBearingModel:
     """
-    Range and bearing from a sensor on the body to a landmark at (2,) in world; docs/models/range_bearing.md.
+    Range and bearing from a sensor on the body to a landmark at (2,) in world; docs/models/landmarks.md.
     """
     @typing.overload
     def __init__(self, config: RangeBearingConfig, T_body_sensor: Pose2 = ...) -> None: ...
@@ -2055,7 +2055,7 @@ class PositionConfig:
 
 class PositionModel:
     """
-    Position of an antenna on the body, or of one of its tags; docs/models/position.md.
+    Position of an antenna on the body, or of one of its tags; docs/models/poses.md.
     """
     def __init__(
         self, config: PositionConfig, tags: collections.abc.Sequence[Tag] = []
@@ -2129,7 +2129,7 @@ class PoseConfig:
 
 class PoseModel:
     """
-    Pose from another localizer; docs/models/pose.md.
+    Pose from another localizer; docs/models/poses.md.
     """
     @typing.overload
     def __init__(self) -> None: ...
@@ -3153,7 +3153,7 @@ class ConstantVelocityConfig:
 
 class ConstantVelocityMotion:
     """
-    Constant-velocity motion without odometry; docs/models/constant_velocity.md.
+    Constant-velocity motion without odometry; docs/models/motion.md.
     """
     def __init__(self, config: ConstantVelocityConfig) -> None: ...
     def propagate(
@@ -3457,7 +3457,7 @@ class GyroMotion:
 
 class GyroOdometry:
     """
-    Odometry whose turn is measured by wheels and a gyro together; docs/models/gyro_odometry.md.
+    Odometry whose turn is measured by wheels and a gyro together; docs/models/motion.md.
 
     Feed messages in order of arrival. The gyro's bias and the scale of the wheels' turn are learnt from
     their differences; where the two contradict each other wheels slip, and the turn is the gyro's. With
@@ -3663,7 +3663,7 @@ class PointDistanceConfig:
 
 class VelocityModel:
     """
-    Velocities of points on a body from wheel odometry; docs/models/velocity.md.
+    Velocities of points on a body from wheel odometry; docs/models/poses.md.
     """
     @staticmethod
     def predict(
@@ -3688,7 +3688,7 @@ class VelocityModel:
 
 class PointDistanceModel:
     """
-    Known distance between two points; docs/models/point_distance.md.
+    Known distance between two points; docs/models/poses.md.
     """
     @staticmethod
     def predict(
@@ -3849,7 +3849,7 @@ class TagConditioner:
     Conditions the fixes of an RTLS, per tag, before they reach a filter.
 
     Removes a constant bias, rejects jumps and frozen values, and low-passes the rest, whose lag at most
-    is added to the covariance; docs/models/tag_triangle_ekf.md. Feed it in order of effective stamps.
+    is added to the covariance; docs/models/poses.md. Feed it in order of effective stamps.
 
     Parameters
     ----------
@@ -3922,7 +3922,7 @@ class TagTriangleEkf:
     Extended Kalman filter over positions and velocities of three tags.
 
     The 12-state filter of celan2017, section III.D: fixes of the tags, their velocities from wheel
-    odometry, the sides of their triangle; docs/models/tag_triangle_ekf.md. Slots are
+    odometry, the sides of their triangle; docs/models/poses.md. Slots are
     `tag0.position` to `tag2.position`, then `tag0.velocity` to `tag2.velocity`.
 
     Parameters
@@ -5026,7 +5026,7 @@ class RecoveringEkf:
 
 class LikelihoodFieldConfig:
     """
-    Likelihood field of beam end points; docs/models/mcl.md.
+    Likelihood field of beam end points; docs/models/particles.md.
     """
     def __init__(self) -> None: ...
     @property
@@ -5052,7 +5052,7 @@ class LikelihoodFieldConfig:
 
 class BeamModelConfig:
     """
-    Beam model: weights of a mixture over the range; docs/models/beam_model.md.
+    Beam model: weights of a mixture over the range; docs/models/scans.md.
     """
     @staticmethod
     def gaussian_and_no_return() -> BeamModelConfig:
@@ -5269,7 +5269,7 @@ class Mcl:
     Monte Carlo localization on a grid map.
 
     Scans weight particles by the likelihood field or the beam model; ranges, positions, poses and
-    landmarks can weight them, too (docs/models/mcl.md). Initially they cover all free cells.
+    landmarks can weight them, too (docs/models/particles.md). Initially they cover all free cells.
 
     Parameters
     ----------
@@ -5531,7 +5531,7 @@ class SwitchingMcl:
     Mcl that UWB relocalizes (celan2017, sections III.C and V.B).
 
     Scans alone determine the pose while they are trusted; otherwise the pose from UWB and odometry
-    becomes the particles' belief (docs/models/switching_mcl.md). Ranges and fixes go to a
+    becomes the particles' belief (docs/models/particles.md). Ranges and fixes go to a
     RecoveringEkf that runs in parallel, initializes itself and detects when it is lost.
 
     Parameters
@@ -6771,7 +6771,7 @@ def locate(
     Returns
     -------
     PositionSolution
-        Derivation: docs/models/multilateration.md.
+        Derivation: docs/models/ranges.md.
 
     Raises
     ------
@@ -7002,7 +7002,7 @@ def rigid_fit(
     """
     Pose that maps points of a body to their measured positions.
 
-    Least squares weighted with the covariance; docs/models/rigid_fit.md.
+    Least squares weighted with the covariance; docs/models/poses.md.
 
     Parameters
     ----------

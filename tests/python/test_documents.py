@@ -44,7 +44,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 RESULTS = ROOT / "results"
 PAGES = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "TESTING.md")),
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "TESTING.md", "WALKTHROUGHS.md")),
     *sorted(DOCS.rglob("*.md")),
     *sorted(RESULTS.rglob("*.md")),
 ]
@@ -201,7 +201,7 @@ def test_every_command_and_option_is_on_the_page_of_the_command_line() -> None:
 
 def test_every_dev_command_is_documented() -> None:
     commands = re.findall(r"^([\w-]+)\)$", (ROOT / "dev").read_text(), re.MULTILINE)
-    rows = table_under(DOCS / "install.md", "## On Debian 12, from a checkout")
+    rows = table_under(ROOT / "CONTRIBUTING.md", "## Commands")
     assert sorted(row[0].strip("`") for row in rows) == sorted(f"./dev {c}" for c in commands)
 
 
@@ -301,22 +301,34 @@ def test_every_page_is_in_the_navigation_and_nothing_is_fetched() -> None:
         assert "<script" not in page.read_text()
 
 
-def equations_of(page: Path) -> list[int]:
-    """Return the numbers of the equations of a page, in order."""
+NUMBER = r"\((\d+(?:\.\d+)?)\)"
+
+
+def equations_of(page: Path) -> list[str]:
+    """Return the numbers of the equations of a page, in order: 3, or 2.3 in section 2."""
     texts = [block.text for block in blocks_of(page) if block.language == "text"]
-    return [int(n) for text in texts for n in re.findall(r"\S {2,}\((\d+)\)$", text, re.MULTILINE)]
+    return [n for text in texts for n in re.findall(rf"\S {{2,}}{NUMBER}$", text, re.MULTILINE)]
 
 
-def citations() -> list[tuple[Path, str, int]]:
+def numbers_between(first: str, last: str) -> list[str]:
+    """Return the numbers from the first to the last, which are of one section."""
+    section, _, begin = first.rpartition(".")
+    other, _, end = last.rpartition(".")
+    assert section == other, f"({first}) and ({last}) are of two sections"
+    dot = "." if section else ""
+    return [f"{section}{dot}{n}" for n in range(int(begin), int(end) + 1)]
+
+
+def citations() -> list[tuple[Path, str, str]]:
     """Return source, page and number of every equation of our own pages that the sources cite."""
     found = []
     for source in SOURCES:
         text = source.read_text()
         pages = sorted(set(re.findall(r"(?:docs|results)/[\w/]+\.md", text)))
-        text = re.sub(r"(?:ekim2020|celan2017)\W+eq\. \(\d+\)", "", text)
-        for first, last in re.findall(r"\beq\.\s+\((\d+)\)(?:\s+to\s+\((\d+)\))?", text):
+        text = re.sub(r"(?:ekim2020|celan2017|zhang)\W+eq\. \(\d+\)", "", text)
+        for first, last in re.findall(rf"\beq\.\s+{NUMBER}(?:\s+to\s+{NUMBER})?", text):
             assert len(pages) == 1, f"{source} cites eq. ({first}) of {pages}"
-            found += [(source, pages[0], n) for n in range(int(first), int(last or first) + 1)]
+            found += [(source, pages[0], n) for n in numbers_between(first, last or first)]
     return found
 
 
@@ -329,8 +341,15 @@ def test_cited_equations_exist() -> None:
 
 @pytest.mark.parametrize("page", sorted((DOCS / "models").glob("*.md")), ids=name_of)
 def test_equations_are_numbered_in_order(page: Path) -> None:
+    """Each section with equations counts its own, (2.1), (2.2) and so on; its heading says 2."""
     numbers = equations_of(page)
-    assert numbers == list(range(1, len(numbers) + 1)) != []
+    sections = list(dict.fromkeys(n.partition(".")[0] for n in numbers))
+    assert sections == [str(k) for k in range(1, len(sections) + 1)] != []
+    for k in sections:
+        of_it = [n for n in numbers if n.startswith(f"{k}.")]
+        assert of_it == [f"{k}.{n}" for n in range(1, len(of_it) + 1)]
+    headings = re.findall(r"^## (\d+)\. ", prose_of(page), re.MULTILINE)
+    assert headings == sections
 
 
 def test_pages_that_the_sources_name_exist() -> None:
@@ -341,7 +360,7 @@ def test_pages_that_the_sources_name_exist() -> None:
 
 
 def test_tests_that_the_answers_name_exist() -> None:
-    rows = table_under(DOCS / "complaints.md", "# Common problems of localizers")
+    rows = table_under(RESULTS / "complaints.md", "# Common problems of localizers")
     assert len(rows) == 19
     tests = {path.name: path for path in (ROOT / "tests").rglob("test_*.*")}
     text = "".join(path.read_text() for path in tests.values() if path.suffix in (".py", ".cpp"))
@@ -512,7 +531,7 @@ def test_columns_of_results_are_documented(file: str, results: tuple[Path, dict[
 
 @pytest.mark.parametrize("heading", ["# Published recordings", "## Licences"])
 def test_every_recording_is_documented(heading: str) -> None:
-    rows = table_under(DOCS / "recordings.md", heading)
+    rows = table_under(RESULTS / "recordings.md", heading)
     assert [row[0].strip("`") for row in rows] == list(CONVERTERS)
 
 
@@ -537,7 +556,7 @@ def test_figures_of_celan2017_stand_on_one_page() -> None:
 
 def test_figures_of_the_scrubber_are_those_of_papers_json() -> None:
     values = {id: row["ours_median"] for id, row in papers_json().items()}
-    page = " ".join((DOCS / "scrubber.md").read_text().split())
+    page = " ".join((RESULTS / "components.md").read_text().split())
     eight = "celan_eight"
     gain = [values[f"{eight}_{name}_gain_{what}"] for name in ("triangle", "kindest")
             for what in ("position", "heading")]  # fmt: skip

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/walks.md is the way that a range takes from its file to its outcome."""
+"""WALKTHROUGHS.md is the way that a range takes from its file to its outcome."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def walk_of_a_range(folder: Path) -> list[str]:
 
 def test_a_range_takes_the_way_that_the_page_describes(tmp_path: Path) -> None:
     files = walk_of_a_range(tmp_path)
-    page = (ROOT / "docs/walks.md").read_text(encoding="utf-8")
+    page = (ROOT / "WALKTHROUGHS.md").read_text(encoding="utf-8")
     section = page.split("## From a file to an outcome", 1)[1].split("\n## ", 1)[0]
     steps = re.findall(r"^\d\. `python/locfuse/([\w/]+\.py)`", section, re.MULTILINE)
     assert list(dict.fromkeys(files)) == steps

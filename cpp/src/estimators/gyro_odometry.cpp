@@ -14,7 +14,7 @@
 namespace locfuse {
 namespace {
 
-/// Constants that are not settings; docs/models/gyro_odometry.md.
+/// Constants that are not settings; docs/models/motion.md.
 struct Tuning {
   static constexpr double kGravity = 9.81;          ///< [m/s^2]
   static constexpr double kGravityBand = 2.5;       ///< specific force beyond it shows no vertical
@@ -75,7 +75,7 @@ void GyroOdometry::start_learning(double sigma_bias) {
   H_.setZero();
 }
 
-/// Follows the vertical, eq. (1), and takes the rate about it.
+/// Follows the vertical, eq. (2.1), and takes the rate about it.
 void GyroOdometry::on(const Imu& z) {
   validate(z);
   if (!samples_.empty() && z.stamp <= samples_.back().stamp) {
@@ -137,7 +137,7 @@ GyroOdometry::Motion GyroOdometry::turned(Stamp begin, Stamp stamp, const Pose2&
   return found;
 }
 
-/// The turn by both, eq. (2) to (7).
+/// The turn by both, eq. (2.2) to (2.7).
 GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double measured) {
   const Pose2& motion = wheels.motion;
   const double seconds = seconds_between(wheels.begin, wheels.stamp);
@@ -197,7 +197,7 @@ GyroOdometry::Motion GyroOdometry::combined(const Increment& wheels, double meas
 }
 
 /// What is left of the bias adds up, not as noise does: its variance after a time t is P t^2, which
-/// grows by 2 P t per second, eq. (7).
+/// grows by 2 P t per second, eq. (2.7).
 double GyroOdometry::lasting_bias(double seconds) const {
   return P_(0, 0) * seconds * (seconds + 2.0 * std::min(age_s_, Tuning::kBiasLasts));
 }
@@ -242,7 +242,8 @@ bool GyroOdometry::is_frozen() const {
                      [&](const Sample& one) { return one.rate == samples_.front().rate; });
 }
 
-/// Whether the turns of the last half second differ by more than their variances explain, eq. (4).
+/// Whether the turns of the last half second differ by more than their variances explain, eq.
+/// (2.4).
 bool GyroOdometry::contradicts(double difference, const Vector<2>& H, double variance,
                                double seconds) {
   const double kept = std::exp(-seconds / Tuning::kWindow);
@@ -261,7 +262,7 @@ bool GyroOdometry::contradicts(double difference, const Vector<2>& H, double var
   return contradicted_s_ > 0.0;
 }
 
-/// Learns bias and scale from a difference, eq. (5).
+/// Learns bias and scale from a difference, eq. (2.5).
 void GyroOdometry::learn(double difference, const Vector<2>& H, double variance) {
   const Vector<2> PH = P_ * H;
   const double S = H.dot(PH) + variance;

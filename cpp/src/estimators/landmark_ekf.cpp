@@ -367,7 +367,7 @@ Matrix<5, 5> LandmarkEkf::covariance_with(const Track& track) const {
 }
 
 /// False only where the range alone is beyond the gate of new landmarks, whatever the correlations:
-/// eq. (6) of docs/models/landmark_ekf.md.
+/// eq. (4.6) of docs/models/landmarks.md.
 bool LandmarkEkf::in_reach(const Track& track, const RangeBearing& z) const {
   if (!z.range) {
     return true;

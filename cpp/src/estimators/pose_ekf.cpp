@@ -273,7 +273,7 @@ Outcome PoseEkf::on(const PoseObservation& z) {
 }
 
 /// Fuses the pose of a localizer whose errors may stay: with what everything else says, and in
-/// place of its poses before; docs/models/pose_source.md.
+/// place of its poses before; docs/models/poses.md.
 Outcome PoseEkf::fuse_localizer(const PoseObservation& z) {
   if (z.stamp < belief_.stamp) {
     return {Verdict::kStale, Reason::kBeforeEstimate};

@@ -10,7 +10,7 @@
 namespace locfuse {
 namespace {
 
-/// How the errors of a source of poses are learnt; docs/models/pose_source.md.
+/// How the errors of a source of poses are learnt; docs/models/poses.md.
 struct PoseSourceTuning {
   static constexpr double kPrior = 10.0;    ///< poses that the reported covariance counts as
   static constexpr double kMemory = 200.0;  ///< poses

@@ -331,7 +331,7 @@ struct UnknownMotionTuning {
   static constexpr double kSpeedSigma = 2.0;
 };
 
-/// When what makes errors last changes; docs/models/kalman.md.
+/// When what makes errors last changes; docs/models/updates.md.
 struct StandingTuning {
   static constexpr double kSpeed = 0.1;  ///< [m/s + rad/s] of a robot that crawls
 };

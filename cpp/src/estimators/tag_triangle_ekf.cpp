@@ -116,7 +116,7 @@ Matrix<2, 3> by_pose(const Pose2& pose, const Vector<2>& point) {
   return J;
 }
 
-/// What a pose says of the tags: eq. (2) of docs/models/tag_triangle_ekf.md.
+/// What a pose says of the tags: eq. (7.2) of docs/models/poses.md.
 Matrix<6, 6> covariance_of(const Triangle& body, const PoseEstimate& start, double sigma_side) {
   Matrix<6, 3> J;
   for (int i = 0; i < kTags; ++i) {
@@ -443,7 +443,7 @@ Outcome TagTriangleEkf::take(Stamp begin, Stamp end, const Vector<3>& twist) {
   const double heading = body.pose.heading;
   Rows<kHalf> rows =
       placed(recipe_->velocity.linearize<kHalf>(velocities, heading, twist, recipe_->body), kHalf);
-  if (!recipe_->config.heading_is_known) {  // eq. (7)
+  if (!recipe_->config.heading_is_known) {  // eq. (7.7)
     Vector<kHalf> by_heading;
     for (int i = 0; i < kTags; ++i) {
       const Vector<2> expected = VelocityModel::predict(heading, twist, recipe_->body.col(i));

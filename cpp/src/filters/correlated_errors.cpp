@@ -12,7 +12,8 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-/// How it is learnt how much of an error is correlated; docs/models/kalman.md, eq. (25) and (26).
+/// How it is learnt how much of an error is correlated; docs/models/updates.md, eq. (1.25) and
+/// (1.26).
 struct CorrelationTuning {
   /// Share of a source's errors that are correlated over the correlation of its innovations: the
   /// filter follows such errors, which takes half of them out of its innovations.

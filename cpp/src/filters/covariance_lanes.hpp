@@ -6,8 +6,8 @@
 /// The update of a large covariance, four entries at once; compiled twice, as math/lanes.hpp says.
 namespace locfuse::internal {
 
-/// A symmetric matrix by columns, and n x M columns without gaps of eq. (10) of
-/// docs/models/kalman.md.
+/// A symmetric matrix by columns, and n x M columns without gaps of eq. (1.10) of
+/// docs/models/updates.md.
 struct OuterUpdate {
   double* P;
   std::ptrdiff_t stride;  ///< of the columns of P

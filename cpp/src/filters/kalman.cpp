@@ -51,8 +51,8 @@ const internal::OuterKernel& kernel() {
   return M == 1 ? internal::portable::kOuter1 : internal::portable::kOuter2;
 }
 
-/// P+ where a measurement has M = 1 or 2 rows and the gain of (3), from Y = P H', in place: eq.
-/// (10) of docs/models/kalman.md. False, and P as it was, if a variance would not be positive.
+/// P+ where a measurement has M = 1 or 2 rows and the gain of (1.3), from Y = P H', in place: eq.
+/// (1.10) of docs/models/updates.md. False, and P as it was, if a variance would not be positive.
 template <int M>
 bool write_outer(Covariance& P, Columns<M> Y, const Eigen::Matrix<double, M, M>& S) {
   internal::solve_forward(S.llt().matrixLLT(), Y);
@@ -64,7 +64,7 @@ bool write_outer(Covariance& P, Columns<M> Y, const Eigen::Matrix<double, M, M>&
   return true;
 }
 
-/// For any number of rows and any gain, in two steps: eq. (6).
+/// For any number of rows and any gain, in two steps: eq. (1.6).
 template <class Lin>
 bool write_joseph(Covariance& P, const MatrixXd& K, const MatrixXd& PHt, const Lin& lin,
                   const std::vector<int>& rows) {
@@ -98,7 +98,7 @@ Outcome update_rows(GaussianBelief& belief,
     return outcome;
   }
   for (const int row : belief.considered_rows()) {
-    K.row(row).setZero();  // eq. (16)
+    K.row(row).setZero();  // eq. (1.16)
   }
   const bool few = internal::leaves_few_digits(lin.noise, S, reach);
   const VectorXd x_new = belief.x + K.lazyProduct(lin.residual);

@@ -24,7 +24,7 @@ constexpr int kTails = 27;
 constexpr double kMaxResidualSigmas = 8.0;
 
 /// Information of Gaussian noise for a filter that assumes `shape` of `scale`, beyond what that
-/// filter believes: eq. (7) of docs/models/robust.md.
+/// filter believes: eq. (2.7) of docs/models/updates.md.
 double surplus(const NoiseShape& shape, double scale) {
   double sum = 0.0;
   for (int i = -80; i <= 80; ++i) {

@@ -10,7 +10,7 @@
 namespace locfuse::internal {
 namespace {
 
-/// Constants of the circle fit; docs/models/cylinders.md eq. (2) to (6). Values without another
+/// Constants of the circle fit; docs/models/landmarks.md eq. (5.2) to (5.6). Values without another
 /// source are empirical.
 struct CircleFitTuning {
   // Gauss-Newton.

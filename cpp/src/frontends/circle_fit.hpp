@@ -39,7 +39,7 @@ struct CircleFit {
 [[nodiscard]] Circle circle_behind(const Sweep& sweep, const Run& run, double radius);
 
 /// Distance of the end of a beam from a circle, positive outside, and its variance.
-/// docs/models/cylinders.md eq. (2) and (3).
+/// docs/models/landmarks.md eq. (5.2) and (5.3).
 struct Offset {
   double distance;
   double variance;
@@ -57,7 +57,7 @@ struct Offset {
                                                   const BeamNoise& noise);
 
 /// Circle of a known radius hit by a few beams: moments over all bearings consistent with the beams
-/// that hit it. docs/models/cylinders.md eq. (6).
+/// that hit it. docs/models/landmarks.md eq. (5.6).
 [[nodiscard]] std::optional<CircleFit> fit_few(const Sweep& sweep, const Run& run, double radius,
                                                const BeamNoise& noise);
 

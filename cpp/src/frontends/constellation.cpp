@@ -11,7 +11,7 @@
 namespace locfuse {
 namespace {
 
-/// Constants of match_constellation; docs/models/constellation.md.
+/// Constants of match_constellation; docs/models/landmarks.md.
 struct ConstellationTuning {
   /// Gauss-Newton steps, from a start that is nearly exact.
   static constexpr int kSteps = 3;
@@ -23,8 +23,8 @@ struct ConstellationTuning {
   static constexpr double kMinDistanceShare = 0.5;
 };
 
-/// Linearized measurement of one landmark: eq. (3) of
-/// docs/models/constellation.md.
+/// Linearized measurement of one landmark: eq. (3.3) of
+/// docs/models/landmarks.md.
 struct Row {
   Vector<2> residual;
   Matrix<2, 3> jacobian;

@@ -28,7 +28,7 @@ using internal::Ray;
 using internal::Run;
 using internal::Sweep;
 
-/// Constants of CylinderDetector; docs/models/cylinders.md. Values without another source are
+/// Constants of CylinderDetector; docs/models/landmarks.md. Values without another source are
 /// empirical.
 struct CylinderDetectorTuning {
   // Limits.
@@ -582,7 +582,7 @@ Cylinder Search::to_cylinder(const Run& run, const CircleFit& fit) const {
 }
 
 /// The centre by the shortest beam, with its error about the fitted circle at the two bearings that
-/// stand for the fit's: docs/models/cylinders.md eq. (7) and (9).
+/// stand for the fit's: docs/models/landmarks.md eq. (5.7) and (5.9).
 Cylinder Search::by_closest_beam(const Run& run, const CircleFit& fit) const {
   Cylinder cylinder = to_cylinder(run, fit);
   const double distance = cylinder.range;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Split and merge with total least squares: equations of docs/models/line_features.md.
+// Split and merge with total least squares: equations of docs/models/scans.md.
 #include "locfuse/frontends/line_features.hpp"
 
 #include <algorithm>
@@ -151,7 +151,7 @@ bool is_long(const Chain& chain, const ChainPiece& piece, const LineFeaturesConf
          (chain.at(piece.end - 1) - chain.at(piece.begin)).norm() >= config.min_length_m;
 }
 
-/// Covariances by eq. (4), with the noise that the points show across their lines: eq. (3).
+/// Covariances by eq. (2.4), with the noise that the points show across their lines: eq. (2.3).
 std::vector<LineFeature> features(const std::vector<LineCandidate>& found, double min_sigma) {
   double across = 0.0;
   double freedom = 0.0;

@@ -19,7 +19,7 @@ using internal::LinePoint;
 using internal::Prior;
 using internal::refuse;
 
-/// Constants of LocalMap; docs/models/scan_matching.md, "Without a map".
+/// Constants of LocalMap; docs/models/scans.md, "Without a map".
 struct LocalMapTuning {
   /// Bound of lengths and coordinates [m]; squares of larger ones overflow the kd-tree's floats.
   static constexpr double kMaxLength = 1e6;

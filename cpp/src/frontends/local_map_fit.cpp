@@ -10,7 +10,7 @@
 namespace locfuse::internal {
 namespace {
 
-/// Constants of the fit to a local map; docs/models/scan_matching.md eq. (11) to (13). Values
+/// Constants of the fit to a local map; docs/models/scans.md eq. (1.11) to (1.13). Values
 /// without another source are empirical.
 struct LocalMapFitTuning {
   // Kernel (Geman-McClure) and matches.
@@ -167,7 +167,7 @@ class Fitting {
     }
   }
 
-  /// Eq. (11) and (12).
+  /// Eq. (1.11) and (1.12).
   void pair_with(const LinePoint& beam, const LinePoint& wall, const Vector<2>& end,
                  const Matrix<2, 2>& turn, double kernel) {
     const Vector<2> off = end - wall.foot;

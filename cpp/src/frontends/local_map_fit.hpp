@@ -9,7 +9,7 @@
 
 namespace locfuse::internal {
 
-/// Gauss-Newton from `start`; docs/models/scan_matching.md eq. (11) to (13). The pose is the start
+/// Gauss-Newton from `start`; docs/models/scans.md eq. (1.11) to (1.13). The pose is the start
 /// unless `converged`.
 [[nodiscard]] ScanMatch fit_lines(const LineCloud& cloud, const LocalMapConfig& config,
                                   const std::vector<LinePoint>& beams, const Pose2& start,

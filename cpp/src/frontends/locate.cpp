@@ -18,7 +18,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// Constants of `locate`; docs/models/multilateration.md eq. (18) to (21).
+/// Constants of `locate`; docs/models/ranges.md eq. (2.18) to (2.21).
 struct LocateTuning {
   /// Distance below which two minima are one [largest sigma of a range].
   static constexpr double kResolution = 0.01;

@@ -16,7 +16,7 @@ namespace locfuse {
 
 namespace {
 
-/// Constants of range-only positioning; docs/models/multilateration.md eq. (19) to (21).
+/// Constants of range-only positioning; docs/models/ranges.md eq. (2.19) to (2.21).
 struct MultilaterationTuning {
   /// Share of its distance by which an equally good position may lie away before it is searched.
   static constexpr double kSecondPositionShare = 0.1;

@@ -16,7 +16,7 @@ namespace {
 
 using Solver3 = Eigen::SelfAdjointEigenSolver<Matrix<3, 3>>;
 
-/// Constants of the information of a scan; docs/models/scan_matching.md eq. (7).
+/// Constants of the information of a scan; docs/models/scans.md eq. (1.7).
 struct PoseInformationTuning {
   /// Information of a weak direction as a share of the largest: twice the square of 0.11 rad, by
   /// which lines of a straight wall turn as its cells are rounded, and lines through a few noisy

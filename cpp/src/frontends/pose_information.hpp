@@ -6,7 +6,7 @@
 #include "locfuse/geometry/pose2.hpp"
 
 /// Information of a scan on a pose (x, y, heading), in any unit of length; a radian counts as the
-/// typical range. docs/models/scan_matching.md eq. (7).
+/// typical range. docs/models/scans.md eq. (1.7).
 namespace locfuse::internal {
 
 /// Prior of a pose, in the frame and unit of the fit.

@@ -11,7 +11,7 @@ namespace locfuse {
 
 namespace {
 
-/// Constants of fit_ranges; docs/models/multilateration.md eq. (14) to (17).
+/// Constants of fit_ranges; docs/models/ranges.md eq. (2.14) to (2.17).
 struct RangeFitTuning {
   static constexpr int kMaxIterations = 50;
   /// Decrease of the cost below which the fit has converged: it moves the position by less than
@@ -37,7 +37,7 @@ struct RangeFitTuning {
   static constexpr double kCauchyScale = 2.385;
 };
 
-/// Loss of z with rho' and rho'' as functions of z^2, eq. (15) of docs/models/multilateration.md.
+/// Loss of z with rho' and rho'' as functions of z^2, eq. (2.15) of docs/models/ranges.md.
 struct LossValue {
   double rho;
   double slope;
@@ -78,7 +78,8 @@ LossValue loss_of(const RangeLoss& loss, double z) {
   return {z * z, 1.0, 0.0};
 }
 
-/// Cost, half its gradient and half its Hessian, eq. (16), and the Gauss-Newton part of the latter.
+/// Cost, half its gradient and half its Hessian, eq. (2.16), and the Gauss-Newton part of the
+/// latter.
 template <int N>
 struct Expansion {
   double cost = 0.0;

@@ -94,8 +94,8 @@ inline void invert(const Lanes (&A)[6], Lanes (&inverse)[6], Lanes& determinant)
   }
 }
 
-/// SR-LS, eq. (7) and (8) of docs/models/multilateration.md; not exact, as it is only a start.
-/// `inside` is positive where the root is in the interval of eq. (9): beyond it lies the wrong
+/// SR-LS, eq. (2.7) and (2.8) of docs/models/ranges.md; not exact, as it is only a start.
+/// `inside` is positive where the root is in the interval of eq. (2.9): beyond it lies the wrong
 /// side.
 template <int N>
 inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3], Lanes& inside) {
@@ -142,7 +142,7 @@ inline void start(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3], L
   }
 }
 
-/// One Newton step, eq. (16). `decrease` is that of the cost; `positive` is positive in
+/// One Newton step, eq. (2.16). `decrease` is that of the cost; `positive` is positive in
 /// lanes where the Hessian is positive definite.
 template <int N>
 inline void newton(const LaneLayout& layout, const Lanes* range, Lanes (&x)[3],

@@ -41,7 +41,7 @@ struct LaneWalls {
   const float *x, *y, *nx, *ny, *run, *per_spacing;
 };
 
-/// Weighting of residuals; docs/models/scan_matching.md eq. (4) to (6).
+/// Weighting of residuals; docs/models/scans.md eq. (1.4) to (1.6).
 struct LaneWeights {
   float laser_x, laser_y;  ///< from the body, in the field's axes
   float reach_squared;     ///< walls farther away than this do not match

@@ -11,7 +11,7 @@
 namespace locfuse::internal {
 namespace {
 
-/// Constants of the lines through neighbouring end points; docs/models/scan_matching.md, "Without a
+/// Constants of the lines through neighbouring end points; docs/models/scans.md, "Without a
 /// map". Values without another source are empirical.
 struct ScanLinesTuning {
   /// Distance of the end points on a line from its middle [standard deviations]: noise turns a line

@@ -7,7 +7,7 @@
 
 namespace locfuse::internal {
 
-/// End of a beam and the line of the wall there; docs/models/scan_matching.md eq. (10).
+/// End of a beam and the line of the wall there; docs/models/scans.md eq. (1.10).
 struct LinePoint {
   Vector<2> end;     ///< [m]
   Vector<2> foot;    ///< of the end on the line through it and its neighbours; or the end

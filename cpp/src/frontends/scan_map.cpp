@@ -45,7 +45,7 @@ std::vector<std::uint8_t> surface_cells(const OccupancyGrid& grid) {
   return surface;
 }
 
-/// Constants of the wall lines of a map; docs/models/scan_matching.md eq. (3). Values without
+/// Constants of the wall lines of a map; docs/models/scans.md eq. (1.3). Values without
 /// another source are empirical.
 struct WallLineTuning {
   /// Half the window that a line is fitted to, standard deviation of its weights and their sum

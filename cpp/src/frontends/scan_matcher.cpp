@@ -46,7 +46,7 @@ ScanMatcherConfig checked(const ScanMatcherConfig& config) {
   return config;
 }
 
-/// Constants of ScanMatcher; docs/models/scan_matching.md.
+/// Constants of ScanMatcher; docs/models/scans.md.
 struct ScanMatcherTuning {
   /// Error of the guess that a refinement starts with [m], and of a coarse minimum [cells].
   static constexpr double kRefineCapture = 0.4;
@@ -153,7 +153,7 @@ std::vector<Candidate> ranked(const ScanMap& map, const ScanMatcherConfig& confi
   return candidates;
 }
 
-/// Shares of exp(-cost); docs/models/scan_matching.md eq. (9).
+/// Shares of exp(-cost); docs/models/scans.md eq. (1.9).
 void set_probabilities(std::vector<ScanHypothesis>& hypotheses) {
   double sum = 0.0;
   for (ScanHypothesis& hypothesis : hypotheses) {

@@ -10,8 +10,8 @@
 namespace locfuse::internal {
 namespace {
 
-/// Constants of the refinement, lengths in cells of the map; docs/models/scan_matching.md eq. (4)
-/// to (7). Values without another source are empirical.
+/// Constants of the refinement, lengths in cells of the map; docs/models/scans.md eq. (1.4)
+/// to (1.7). Values without another source are empirical.
 struct ScanRefineTuning {
   // Noise of the map.
   /// Standard deviation of a surface about its wall line, which lies in the same cell.
@@ -67,7 +67,7 @@ struct ScanRefineTuning {
   static constexpr double kRetryTurn = 0.06;
 };
 
-/// Normal equations over (x, y, heading, offset); docs/models/scan_matching.md.
+/// Normal equations over (x, y, heading, offset); docs/models/scans.md.
 struct ScanNormal {
   Matrix<4, 4> H = Matrix<4, 4>::Zero();
   Vector<4> g = Vector<4>::Zero();
@@ -104,8 +104,8 @@ class Walls {
   }
 
   std::vector<std::int32_t> targets;
-  std::vector<float> residuals;   ///< eq. (4)
-  std::vector<float> correlated;  ///< k of eq. (6): beams that share their wall's error
+  std::vector<float> residuals;   ///< eq. (1.4)
+  std::vector<float> correlated;  ///< k of eq. (1.6): beams that share their wall's error
 
  private:
   std::vector<float> x_, y_, nx_, ny_, run_;
@@ -191,8 +191,8 @@ class Refinement {
     }
   }
 
-  /// Normal equations of eq. (4) and (5), weighted by eq. (6) and a smooth kernel, or, if `hard`,
-  /// with full weight within `kernel`.
+  /// Normal equations of eq. (1.4) and (1.5), weighted by eq. (1.6) and a smooth kernel, or, if
+  /// `hard`, with full weight within `kernel`.
   ScanNormal accumulate(double kernel, bool hard, const BeamColumns& columns) {
     const double reach =
         std::min(std::max(ScanRefineTuning::kReachKernels * kernel, ScanRefineTuning::kMinReach),
@@ -233,7 +233,7 @@ class Refinement {
     return normal;
   }
 
-  /// Eq. (7): the scan's information on the pose, the offset eliminated.
+  /// Eq. (1.7): the scan's information on the pose, the offset eliminated.
   [[nodiscard]] static Observed reduce(const ScanNormal& normal) {
     const Vector<3> h = normal.H.block<3, 1>(0, 3);
     return observed(normal.H.topLeftCorner<3, 3>() - h * h.transpose() / normal.H(3, 3),

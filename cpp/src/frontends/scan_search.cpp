@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kBlock = 8;  // loops of known length become vector instructions
 
-/// Constants of the coarse search; docs/models/scan_matching.md, "Power-up". Values without another
+/// Constants of the coarse search; docs/models/scans.md, "Power-up". Values without another
 /// source are empirical.
 struct ScanSearchTuning {
   /// Beams that score a place, spread evenly over the scan.
@@ -275,7 +275,7 @@ std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams, const P
 
 namespace {
 
-/// Constants of the score of a pose; docs/models/scan_matching.md eq. (8). Lengths in cells.
+/// Constants of the score of a pose; docs/models/scans.md eq. (1.8). Lengths in cells.
 struct ScanScoreTuning {
   /// Length of wall whose end points share one error, or are hidden together.
   static constexpr double kCorrelatedWall = 7.0;
@@ -328,7 +328,7 @@ const ScanMap::WallLine& wall_at(const ScanMap& map, const Vector<2>& p) {
       field.nearest_targets()[y * static_cast<std::size_t>(field.width()) + x])];
 }
 
-/// Cost of one hypothesis, beam by beam; docs/models/scan_matching.md eq. (8).
+/// Cost of one hypothesis, beam by beam; docs/models/scans.md eq. (1.8).
 class Scorer {
  public:
   Scorer(const ScanMap& map, const ScanMatcherConfig& config, const Fit& fit, double sigma)

@@ -9,7 +9,7 @@ namespace locfuse::internal {
 [[nodiscard]] std::vector<Pose2> coarse_minima(const ScanMap& map, const Beams& beams,
                                                const Prior& prior, const Vector<2>& half_window);
 
-/// Negative log likelihood of a refined pose, docs/models/scan_matching.md eq. (8), with one
+/// Negative log likelihood of a refined pose, docs/models/scans.md eq. (1.8), with one
 /// `sigma` [cells] for all hypotheses. `explained` is the share of the returns that end at a wall
 /// without passing through another one.
 struct Score {

@@ -12,7 +12,7 @@ namespace locfuse {
 
 namespace {
 
-/// Constants of SR-LS; docs/models/multilateration.md eq. (7) to (10).
+/// Constants of SR-LS; docs/models/ranges.md eq. (2.7) to (2.10).
 struct SquaredRangeTuning {
   /// Stiffness, or its right side, that counts as 0: anchors on a line or plane.
   static constexpr double kFlat = internal::FlatAnchors::kShare;
@@ -22,7 +22,7 @@ struct SquaredRangeTuning {
   static constexpr double kConverged = 1e-12;
 };
 
-/// Frame in which A'WA is diagonal: eq. (5) of docs/models/multilateration.md.
+/// Frame in which A'WA is diagonal: eq. (2.5) of docs/models/ranges.md.
 template <int N>
 struct Frame {
   Vector<N> centre;  ///< weighted centroid of the anchors, in the layout's frame
@@ -32,18 +32,18 @@ struct Frame {
   double total = 0.0;  ///< sum of the weights
 };
 
-/// Eq. (8): sum g^2 / (stiffness + alpha)^2 = level + slope alpha.
+/// Eq. (2.8): sum g^2 / (stiffness + alpha)^2 = level + slope alpha.
 template <int N>
 struct Secular {
   Vector<N> stiffness;  ///< 4 mu
   Vector<N> g;
   double level = 0.0;
   double slope = 0.0;
-  double lower = 0.0;     ///< end of the interval of alpha, eq. (9)
+  double lower = 0.0;     ///< end of the interval of alpha, eq. (2.9)
   double rounding = 0.0;  ///< largest rounding error of g
 };
 
-/// 1 / variance of a squared range, eq. (11).
+/// 1 / variance of a squared range, eq. (2.11).
 template <int N>
 double weight_of(const RangeLayout<N>& layout, const RangesView& ranges,
                  SquaredRangeWeights weights, int i) {
@@ -164,7 +164,7 @@ double root(const Secular<N>& secular) {
   return alpha;
 }
 
-/// The hard case, eq. (10): at the end of the interval the directions of least spread are free.
+/// The hard case, eq. (2.10): at the end of the interval the directions of least spread are free.
 /// False if it is not the hard case.
 template <int N>
 bool solve_hard_case(const Secular<N>& secular, SquaredRangePosition<N>& found) {

@@ -83,7 +83,7 @@ void TagConditioner::on(const Increment& u) {
   driven_until_ = std::max(driven_until_, u.stamp);
 }
 
-/// Eq. (9) and (10) of docs/models/tag_triangle_ekf.md.
+/// Eq. (7.9) and (7.10) of docs/models/poses.md.
 ConditionedFix TagConditioner::on(const PositionFix& z) {
   validate(z);
   const auto track = std::find_if(tracks_.begin(), tracks_.end(),
@@ -131,7 +131,7 @@ double TagConditioner::most_moved(const Track& track, Stamp stamp) const {
   return std::min(moved, kMaxPosition);
 }
 
-/// Eq. (9), and (13) and (14) for the covariance.
+/// Eq. (7.9), and (7.13) and (7.14) for the covariance.
 ConditionedFix TagConditioner::pass(Track& track, const PositionFix& z, const Vector<2>& position,
                                     TagVerdict verdict) const {
   if (track.has_fix && config_.cutoff_hz > 0.0) {

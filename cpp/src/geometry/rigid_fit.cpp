@@ -24,7 +24,7 @@ struct RigidFitTuning {
   static constexpr int kMaxSteps = 50;
 };
 
-/// Moments that determine a heading: eq. (2) of docs/models/rigid_fit.md, and (3) of a reflection.
+/// Moments that determine a heading: eq. (4.2) of docs/models/poses.md, and (4.3) of a reflection.
 struct Turn {
   Vector<2> rotation = Vector<2>::Zero();  // length times (cos, sin) of the heading
   Vector<2> reflection = Vector<2>::Zero();
@@ -100,7 +100,7 @@ RigidFit rigid_fit(const Matrix<2, N>& body, const Matrix<2, N>& world,
   Matrix<kRows, 3> J(2 * n, 3);
   Vector<kRows> r(2 * n);
   Matrix<3, 3> information;
-  for (int step = 0; step < RigidFitTuning::kMaxSteps; ++step) {  // eq. (4) to (6)
+  for (int step = 0; step < RigidFitTuning::kMaxSteps; ++step) {  // eq. (4.4) to (4.6)
     for (Eigen::Index i = 0; i < n; ++i) {
       const Vector<2> expected = fit.pose.act(body.col(i));
       const Vector<2> arm = expected - fit.pose.position();

@@ -322,7 +322,8 @@ Outcome Mcl::verdict_on(const LaserScan& scan, const EndPoints& points,
                                        : Outcome{Verdict::kNotModelled, Reason::kNoNews};
 }
 
-/// Weighs particles by a scan, or by what is left of it to do so; eq. (1) of docs/models/mcl.md.
+/// Weighs particles by a scan, or by what is left of it to do so; eq. (2.1) of
+/// docs/models/particles.md.
 internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoints& points,
                                            const std::optional<LaserScan>& rest) {
   const Config& config = recipe_->config;

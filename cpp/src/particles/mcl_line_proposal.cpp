@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws each particle from odometry and the lines that it sees: equations of docs/models/mcl.md.
+// Draws each particle from odometry and the lines that it sees: equations of
+// docs/models/particles.md.
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
@@ -94,7 +95,7 @@ std::vector<SeenLine> lines_of(const LaserScan& z, const std::vector<LineFeature
 }
 
 /// Corrects the Gaussian of a particle by a line, if a wall passes the gate under the covariance of
-/// all particles; returns the line's log density: eq. (7).
+/// all particles; returns the line's log density: eq. (2.7).
 double correct(GaussianBelief& particle, Slot body, const LineModel& model, const SeenLine& line,
                const Matrix<3, 3>& P_all, double limit) {
   const Pose2 pose = particle.pose(body);
@@ -142,7 +143,7 @@ double wall_variance(const MclConfig& config, double sigma_hit) {
                                   : std::max(sigma_hit * sigma_hit - least * least, 0.0);
 }
 
-/// log N(x; m, Q) / N(x; mu, P) of a draw x = mu + L normal, with P = L L': eq. (5).
+/// log N(x; m, Q) / N(x; mu, P) of a draw x = mu + L normal, with P = L L': eq. (2.5).
 double log_ratio(const Vector<3>& from_prior, const Matrix<3, 3>& Q, const Matrix<3, 3>& L,
                  const Vector<3>& normal) {
   const Eigen::LLT<Matrix<3, 3>> prior(Q);

@@ -279,7 +279,7 @@ PoseEstimate ParticleFilter::predicted(const PoseEstimate& from, const HeldMotio
   return carried(from, ahead, now);
 }
 
-/// Eq. (1) of docs/models/switching_mcl.md.
+/// Eq. (3.1) of docs/models/particles.md.
 PoseEstimate ParticleFilter::overall() const {
   const PoseEstimate& here = best().estimate;
   double total = 0.0;

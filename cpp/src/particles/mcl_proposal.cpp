@@ -12,7 +12,7 @@ namespace locfuse::internal {
 namespace {
 
 /// Where a particle that odometry alone moves to m is drawn, in cells:
-/// N(m + gain (match - m) + shift, L L'); eq. (4) of docs/models/mcl.md.
+/// N(m + gain (match - m) + shift, L L'); eq. (2.4) of docs/models/particles.md.
 struct Proposal {
   Pose2 match;
   Matrix<3, 3> gain;

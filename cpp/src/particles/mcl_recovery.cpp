@@ -35,8 +35,8 @@ void ParticleRecovery::update(const UsedScan& scan, const MapSharpness& sharpnes
   }
 }
 
-/// Adds a scan to the evidence of each candidate; docs/models/mcl.md eq. (3). Returns those that
-/// fell behind, or have come to where the particle filter is.
+/// Adds a scan to the evidence of each candidate; docs/models/particles.md eq. (2.3). Returns those
+/// that fell behind, or have come to where the particle filter is.
 std::vector<std::size_t> ParticleRecovery::test_candidates(const UsedScan& scan,
                                                            const MapSharpness& sharpness,
                                                            ParticleFilter& filter,

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-/// Constants of an Mcl that are not settings. Equations are those of docs/models/mcl.md.
+/// Constants of an Mcl that are not settings. Equations are those of docs/models/particles.md.
 namespace locfuse::internal {
 
 struct ParticleFilterTuning {
@@ -65,7 +65,7 @@ struct MapSharpnessTuning {
 struct RecoveryTuning {
   /// Evidence below which a candidate is rejected [nats].
   static constexpr double kMinGain = -4.0;
-  /// Factor per scan by which evidence is forgotten; eq. (3).
+  /// Factor per scan by which evidence is forgotten; eq. (2.3).
   static constexpr double kGainMemory = 0.98;
   /// Draws per candidate and field of the hill climb.
   static constexpr int kClimbDraws = 16;

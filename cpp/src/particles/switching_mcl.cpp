@@ -13,7 +13,7 @@
 namespace locfuse {
 namespace {
 
-/// Constants that are not settings; docs/models/switching_mcl.md.
+/// Constants that are not settings; docs/models/particles.md.
 struct SwitchingMclTuning {
   static constexpr double kNisWeight = 1.0 / 50.0;  ///< of a range or fix in their mean NIS
   static constexpr double kMaxNis = 10.0;           ///< per row, of one of them

@@ -15,7 +15,8 @@ from locfuse.io.recording import convert_recording
 
 def convert(
     kind: Annotated[
-        str, typer.Argument(help="Type of SOURCE: log, bag, or a data set of docs/recordings.md.")
+        str,
+        typer.Argument(help="Type of SOURCE: log, bag, or a data set of results/recordings.md."),
     ],
     source: Annotated[
         Path, typer.Argument(help="Log folder, bag, or folder of the recording as published.")

@@ -76,7 +76,7 @@ class Range(Strict):
     gate: GateProbability = struct.gate
     """Probability that a good range passes its gate; 1: no gate."""
     noise: Literal["gaussian", "one_sided", "student_t", "cauchy"] = "gaussian"
-    """Noise distribution: [Robust updates](models/robust.md)."""
+    """Noise distribution: [Robust updates](models/updates.md#2-robust-updates)."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
 
@@ -118,7 +118,7 @@ class Position(Strict):
     gate: GateProbability = struct.gate
     """Probability that a good fix passes its gate; 1: no gate."""
     noise: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
-    """Noise distribution: [Robust updates](models/robust.md)."""
+    """Noise distribution: [Robust updates](models/updates.md#2-robust-updates)."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
 
@@ -137,12 +137,12 @@ class Pose(Strict):
     """Minimum heading sigma of any pose [rad]."""
     shares_odometry: bool = struct.shares_odometry
     """Whether the localizer, such as AMCL, goes by the same odometry, so that its stamps are as
-    late; else [how late they are](models/pose_source.md) is learnt.
+    late; else [how late they are](models/poses.md#3-another-localizer) is learnt.
     """
     gate: GateProbability = struct.gate
     """Probability that a good pose passes its gate; 1: no gate."""
     noise: Literal["gaussian", "student_t", "cauchy"] = "gaussian"
-    """Noise distribution: [Robust updates](models/robust.md)."""
+    """Noise distribution: [Robust updates](models/updates.md#2-robust-updates)."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
 
@@ -264,7 +264,8 @@ class Cylinders(Strict):
 
     method: Literal["arcs", "closest_beam", "cone"] = "arcs"
     """Detection. `arcs`: a circle is fitted to the beams; `closest_beam`: the centre is `radius_m`
-    behind the shortest of them; `cone`: [by the shortest alone](models/cylinders.md), no walls.
+    behind the shortest of them; `cone`: [by the shortest
+    alone](models/landmarks.md#5-cylinders), no walls.
     """
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = struct.sigma_range_m
     """Range noise of one beam [m]."""
@@ -478,8 +479,9 @@ class Estimator(Strict):
 
     kind: Kind = "pose"
     """Estimator. `pose`: of position and heading; `landmark_slam`: [maps landmarks while it
-    localizes](models/landmark_ekf.md); `tag_triangle`: [positions and velocities of three
-    tags](models/tag_triangle_ekf.md); `air`: [position, heading and height](air.md).
+    localizes](models/landmarks.md#4-landmarks-as-state); `tag_triangle`: [positions and velocities
+    of three tags](models/poses.md#7-three-tags-as-twelve-states); `air`: [position, heading and
+    height](air.md).
     """
     odometry: Odometry = Field(default_factory=Odometry)
     """Noise and latency of odometry."""
@@ -727,8 +729,9 @@ class Mcl(Strict):
     )
     """Number of independent beams while several hypotheses remain: fewer discard none early."""
     proposal: Literal["odometry", "scan_match", "line_ekf", "line_ekf_paper"] = "odometry"
-    """Where particles of a tracked robot [are drawn](models/mcl.md#drawing-where-the-scan-says):
-    where odometry says, or also one match of the scan, or for each particle the lines it sees.
+    """Where particles of a tracked robot [are
+    drawn](models/particles.md#drawing-where-the-scan-says): where odometry says, or also one
+    match of the scan, or for each particle the lines it sees.
     """
     spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = struct.spacing_m
     """Minimum distance driven between two scans that are used [m]."""
@@ -757,8 +760,8 @@ class Mcl(Strict):
     sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = struct.sigma_widest_m
     """Maximum `sigma_hit_m` that is tried; the one that fits is used [m]."""
     likelihood: Literal["field", "beams", "zhang"] = "field"
-    """Likelihood of a scan: [where beams end](models/likelihood_field.md), or [how far they
-    go](models/beam_model.md), with `beam_model` or the mixture of zhang.
+    """Likelihood of a scan: [where beams end](models/scans.md#3-likelihood-field), or [how far they
+    go](models/scans.md#4-beam-model), with `beam_model` or the mixture of zhang.
     """
     beam_model: BeamModel = Field(default_factory=BeamModel)
     """Beam model: how far beams go."""
@@ -884,14 +887,15 @@ class RunConfig(Strict):
     cylinders: Cylinders | None = None
     """Detect round objects in the scans as landmark observations."""
     scan_odometry: ScanOdometry | None = None
-    """Make the odometry [of scans](models/scan_matching.md#as-the-odometry-of-a-run), with the
+    """Make the odometry [of scans](models/scans.md#as-the-odometry-of-a-run), with the
     wheels, if there are any, as a guess.
     """
     imu: Imu = Field(default_factory=Imu)
-    """How [a gyro and wheels](models/gyro_odometry.md) measure turns, where there is a gyro."""
+    """How [a gyro and wheels](models/motion.md#2-gyro-and-wheels) measure turns, if there is a
+    gyro."""
     tag_conditioner: TagConditioner | None = None
     """Condition the position fixes of tags [before they are
-    fused](models/tag_triangle_ekf.md#conditioning).
+    fused](models/poses.md#conditioning).
     """
     estimator: Estimator = Field(default_factory=Estimator)
     """EKF that fuses everything but scans."""

@@ -57,7 +57,7 @@ def convert_recording(
     Parameters
     ----------
     kind : str
-        ``log`` for a log folder, ``bag``, or a data set of docs/recordings.md, whose converters
+        ``log`` for a log folder, ``bag``, or a data set of results/recordings.md, whose converters
         are part of a checkout.
     source : str or Path
     out : str or Path

@@ -98,7 +98,8 @@ TEST(Robust, tails_are_those_of_student) {
   }
 }
 
-/// At its scale clean noise leaves a filter as sure as it says: eq. (7) of docs/models/robust.md.
+/// At its scale clean noise leaves a filter as sure as it says: eq. (2.7) of
+/// docs/models/updates.md.
 TEST(Robust, is_as_wide_as_clean_noise_allows) {
   for (const NoiseKind kind : {NoiseKind::kStudentT, NoiseKind::kCauchy}) {
     const NoiseShape shape({kind, 4.0, 0.05});

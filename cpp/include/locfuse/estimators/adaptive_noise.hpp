@@ -9,7 +9,7 @@
 namespace locfuse {
 
 /// Factors of the variances that measurements are reported with, one for each kind, as their
-/// innovations say; docs/models/robust.md eq. (7).
+/// innovations say; docs/models/updates.md eq. (2.7).
 class AdaptiveNoise {
  public:
   struct Config {

@@ -26,7 +26,7 @@ struct CalibratedError {
 
 /// Which errors of odometry, of the sensor of landmarks and of ranges are states of a belief,
 /// behind its body: the pose and they are estimated together, or they are considered. Derivation:
-/// docs/models/calibration.md.
+/// docs/models/updates.md.
 class Calibration {
  public:
   /// How far off each may be at the start, as a standard deviation. 0: it is right, and no state.
@@ -66,14 +66,14 @@ class Calibration {
   [[nodiscard]] bool has_odometry() const { return motion_slots_.size() > 1; }
   [[nodiscard]] std::vector<CalibratedError> errors(const GaussianBelief& belief) const;
 
-  /// What moves `motion_slots` for a motion by odometry, eq. (1).
+  /// What moves `motion_slots` for a motion by odometry, eq. (3.1).
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> propagate(
       const GaussianBelief& belief, const OdometryMotion& model, const Pose2& motion,
       double seconds, const std::optional<Vector<3>>& variance) const;
 
   /// Whether the offsets of anchors change with time.
   [[nodiscard]] bool has_wandering() const { return correlation_s_ > 0.0 && !offsets_.empty(); }
-  /// What moves `wandering_slots` in that time, eq. (4).
+  /// What moves `wandering_slots` in that time, eq. (3.4).
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> wander(const GaussianBelief& belief,
                                                                     double seconds) const;
   [[nodiscard]] const std::vector<Slot>& wandering_slots() const { return offsets_; }
@@ -84,12 +84,12 @@ class Calibration {
     return states != nullptr ? &states->slots : nullptr;
   }
 
-  /// What a range says of those, eq. (3). Empty as of the model.
+  /// What a range says of those, eq. (3.3). Empty as of the model.
   [[nodiscard]] std::optional<Linearization<1, Eigen::Dynamic>> linearize(
       const GaussianBelief& belief, const RangeModel& model, const Range& z,
       const Pose2& rate) const;
 
-  /// What a sighting says of body and states, eq. (2). Empty as of the model.
+  /// What a sighting says of body and states, eq. (3.2). Empty as of the model.
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, Eigen::Dynamic>> linearize(
       const GaussianBelief& belief, const RangeBearingModel& model, const Vector<2>& landmark,
       const RangeBearing& z, const Pose2& rate) const;

@@ -11,7 +11,7 @@
 
 namespace locfuse {
 
-/// Odometry whose turn is measured by wheels and a gyro together; docs/models/gyro_odometry.md.
+/// Odometry whose turn is measured by wheels and a gyro together; docs/models/motion.md.
 ///
 /// The gyro's bias and the scale of the wheels' turn are learnt from their differences, at rest
 /// above all. Where the two contradict each other wheels slip: then the turn is the gyro's, and the
@@ -23,7 +23,7 @@ class GyroOdometry {
  public:
   /// How the turn is made of both.
   enum class Turn : std::uint8_t {
-    kWeighted,  ///< by their variances, eq. (6)
+    kWeighted,  ///< by their variances, eq. (2.6)
     kAverage,   ///< the mean of both: zhang eq. (5)
   };
   struct Config {

@@ -37,7 +37,7 @@ struct LandmarkEstimate {
 };
 
 /// Extended Kalman filter over the pose and the landmarks it sees: it maps while it localizes
-/// (Smith et al., 1990). Derivation: docs/models/landmark_ekf.md.
+/// (Smith et al., 1990). Derivation: docs/models/landmarks.md.
 ///
 /// A sighting that no landmark explains puts a new one into the state. It is tentative at first:
 /// it takes part in the belief with all its correlations, but its sightings are only counted. A

@@ -10,8 +10,8 @@
 namespace locfuse {
 
 /// What is learnt of another localizer from its poses beside all else: how late its stamps are, how
-/// much larger its errors are than it says, and whether they are new with each pose; eq. (2) to (5)
-/// of docs/models/pose_source.md.
+/// much larger its errors are than it says, and whether they are new with each pose; eq. (3.2) to
+/// (3.5) of docs/models/poses.md.
 class PoseSource {
  public:
   PoseSource();

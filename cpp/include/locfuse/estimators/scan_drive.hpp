@@ -10,7 +10,7 @@
 namespace locfuse {
 
 /// Odometry of the scans of one or several lasers, where the motion by wheels, if there are any, is
-/// where a fit begins; docs/models/scan_matching.md, "As the odometry of a run".
+/// where a fit begins; docs/models/scans.md, "As the odometry of a run".
 ///
 /// Without wheels, or while they are silent for more than a second, the body is expected to go on
 /// as it did in the last scans, give or take 0.5 m/s and 0.5 rad/s. Feed messages in order of

@@ -24,7 +24,7 @@ namespace locfuse {
 
 /// Extended Kalman filter over the positions and velocities of three tags in world (celan2017,
 /// section III.D): fixes of the tags, the velocities that wheel odometry gives them, and the sides
-/// of their triangle; docs/models/tag_triangle_ekf.md. Ranges to anchors where there is no RTLS.
+/// of their triangle; docs/models/poses.md. Ranges to anchors where there is no RTLS.
 ///
 /// Slots: `tag0.position` to `tag2.position`, `tag0.velocity` to `tag2.velocity`, in the order in
 /// which the tags are given. A cheap value: copying it is a snapshot. Every `on` throws

@@ -8,7 +8,7 @@
 #include "locfuse/math/linearization.hpp"
 
 /// Which sighting is of which landmark, by squared Mahalanobis distance under a belief's
-/// covariance. Derivation: docs/models/association.md.
+/// covariance. Derivation: docs/models/landmarks.md.
 namespace locfuse {
 
 /// A sighting that a landmark may have caused, and what it would say then.
@@ -32,9 +32,9 @@ enum class Association : std::uint8_t {
   kJoint,    ///< the largest set that fits jointly
 };
 
-/// Fills in `nis` of each pairing under the covariance P, eq. (1), and drops those beyond the gate
-/// of that probability, and those whose NIS is not finite whatever the gate. Throws NumericalError
-/// if an S is not positive definite.
+/// Fills in `nis` of each pairing under the covariance P, eq. (2.1), and drops those beyond the
+/// gate of that probability, and those whose NIS is not finite whatever the gate. Throws
+/// NumericalError if an S is not positive definite.
 void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings);
 
 /// To each sighting its nearest landmark; if several want the same one, the nearest gets it.
@@ -45,7 +45,7 @@ void compare(const Eigen::MatrixXd& P, double probability, Pairings& pairings);
 [[nodiscard]] Assignment global_nearest_neighbour(const Pairings& pairings);
 
 /// The largest set of pairs that fits jointly, all correlations counted, and of those the one with
-/// the minimum joint NIS: eq. (2), by branch and bound (Neira and Tardos, 2001). Where too much
+/// the minimum joint NIS: eq. (2.2), by branch and bound (Neira and Tardos, 2001). Where too much
 /// fits, it ends after trying 100,000 pairs: with the best set that it found, at least those pairs
 /// of `global_nearest_neighbour` that fit jointly one after the other.
 [[nodiscard]] Assignment joint_compatibility(const Eigen::MatrixXd& P, const Pairings& pairings,

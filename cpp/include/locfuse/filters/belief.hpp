@@ -37,7 +37,7 @@ enum class SlotKind : std::uint8_t {
 }
 
 /// Standard deviations between which the filter keeps a variable, in its own unit:
-/// docs/models/kalman.md. Below `min` an update is lost to rounding beside the largest
+/// docs/models/updates.md. Below `min` an update is lost to rounding beside the largest
 /// there are, and above `max` one with a sigma of 1 mm would be; a heading that is as
 /// unknown is anywhere.
 struct SigmaBounds {
@@ -87,8 +87,8 @@ class GaussianBelief {
   void remove(Slot slot);
 
   /// From now on no measurement moves this variable: what is not known of it is accounted for, and
-  /// never learnt (Schmidt); eq. (16) of docs/models/kalman.md. Throws std::invalid_argument if it
-  /// is not there.
+  /// never learnt (Schmidt); eq. (1.16) of docs/models/updates.md. Throws std::invalid_argument if
+  /// it is not there.
   void consider(Slot slot);
 
   /// The slot of that name. Throws std::invalid_argument, listing the names there are.

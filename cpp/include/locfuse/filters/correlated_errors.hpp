@@ -13,7 +13,7 @@
 namespace locfuse {
 
 /// What errors that are correlated over seconds add to the covariance of a filter whose gains take
-/// them for independent: eq. (21) to (26) of docs/models/kalman.md. How much of an error is
+/// them for independent: eq. (1.21) to (1.26) of docs/models/updates.md. How much of an error is
 /// correlated is learnt from innovations, and taken for all of it before there are any.
 ///
 /// It moves nothing but the covariance that is reported: the mean, P, gains and gates are as
@@ -29,7 +29,7 @@ class CorrelatedErrors {
   /// Whether nothing correlated was fused yet, so that all else changes nothing.
   [[nodiscard]] bool is_empty() const { return rows_.empty(); }
 
-  /// D, eq. (23), which is added to P. Empty as above.
+  /// D, eq. (1.23), which is added to P. Empty as above.
   [[nodiscard]] auto excess() const { return table().leftCols(variables_); }
 
   /// Some variables, at `rows`, moved by F or turned: `jacobian` has a row for each that moves,
@@ -73,7 +73,7 @@ class CorrelatedErrors {
   }
 
   /// The share of the variance of a kind of measurement that is correlated, and the factor of all
-  /// of it, as its innovations say; eq. (25) and (26).
+  /// of it, as its innovations say; eq. (1.25) and (1.26).
   [[nodiscard]] double share(std::size_t kind) const { return of_kind_[kind].share(); }
   /// Of that share, what all sources of the kind have in common.
   [[nodiscard]] double common(std::size_t kind) const {
@@ -122,7 +122,7 @@ class CorrelatedErrors {
   void add(const Fused& fused, const Columns* columns);
   void learn(const Fused& fused, const Columns* columns);
 
-  /// D, then for each row cov(error of the state, its own), eq. (21), then one column of room.
+  /// D, then for each row cov(error of the state, its own), eq. (1.21), then one column of room.
   [[nodiscard]] Eigen::Map<Eigen::MatrixXd> table() {
     return {memory_.data(), variables_, used() + 1};
   }

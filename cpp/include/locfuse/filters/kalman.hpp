@@ -17,7 +17,7 @@
 
 /// The extended Kalman filter: the only code that changes a GaussianBelief. One algebra, templated
 /// on sizes: without heap at fixed sizes where the local variables are the whole belief, at
-/// run-time sizes otherwise. Derivation: docs/models/kalman.md.
+/// run-time sizes otherwise. Derivation: docs/models/updates.md.
 namespace locfuse {
 
 /// Moves the pose in `slot`: mean to `step.moved`, P to F P F' + Q with its cross-covariances.
@@ -26,8 +26,8 @@ namespace locfuse {
 void predict(GaussianBelief& belief, const Propagation<Pose2, 3>& step, Slot slot);
 
 /// Moves the first variables of `slots`, as many as `step.moved` has, by a motion that depends on
-/// all of them: its Jacobian has a row for each that moves, a column for each. Eq. (13) and (14) of
-/// docs/models/kalman.md.
+/// all of them: its Jacobian has a row for each that moves, a column for each. Eq. (1.13) and
+/// (1.14) of docs/models/updates.md.
 ///
 /// Throws NumericalError, belief untouched, if a result is not finite or a variance not positive,
 /// std::invalid_argument if sizes do not match. Touches as many rows and columns as move.
@@ -38,7 +38,7 @@ void predict(GaussianBelief& belief, const Propagation<Eigen::VectorXd, Eigen::D
 template <int N>
 void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slots slots);
 
-/// Fuses a measurement, or gates it; eq. (1) to (6) of docs/models/kalman.md.
+/// Fuses a measurement, or gates it; eq. (1.1) to (1.6) of docs/models/updates.md.
 ///
 /// `slots` are the variables that the Jacobian's columns stand for, in order. The belief is updated
 /// whole or not at all. Throws NumericalError if S is not positive definite or a result is not
@@ -48,13 +48,13 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
                const Gate& gate);
 
 /// Turns the covariance of the pose in `slot` with its mean, which an update has moved away from
-/// `before`: eq. (15) of docs/models/kalman.md. Touches two rows and columns, or none where
+/// `before`: eq. (1.15) of docs/models/updates.md. Touches two rows and columns, or none where
 /// rounding would leave a variance that is not positive.
 void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
 
 /// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
-/// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (11) and (12) of
-/// docs/models/kalman.md. The belief is changed whole or not at all.
+/// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (1.11) and (1.12) of
+/// docs/models/updates.md. The belief is changed whole or not at all.
 ///
 /// Throws NumericalError if a number is not finite, or `noise` or the covariance of g not positive
 /// definite, std::invalid_argument on a name that is taken or sizes that do not match.
@@ -90,8 +90,8 @@ void solve_columns(const L& factor, const Cross& C, Cross& K) {
   }
 }
 
-/// What one row says beside the belief, eq. (1) and (2) of docs/models/kalman.md, from its residual
-/// and S; the verdict is kFused if it passes the gate.
+/// What one row says beside the belief, eq. (1.1) and (1.2) of docs/models/updates.md, from its
+/// residual and S; the verdict is kFused if it passes the gate.
 inline Outcome compare_row(double residual, double S, const Gate& gate) {
   if (!(S > 0.0)) {
     throw NumericalError("innovation covariance is not positive");
@@ -107,8 +107,8 @@ inline Outcome compare_row(double residual, double S, const Gate& gate) {
   return outcome;
 }
 
-/// The gain K and what a measurement says beside the belief, eq. (1) to (3) of
-/// docs/models/kalman.md; the verdict is kFused if it passes the gate.
+/// The gain K and what a measurement says beside the belief, eq. (1.1) to (1.3) of
+/// docs/models/updates.md; the verdict is kFused if it passes the gate.
 template <class Lin, class Cross, class S>
 Outcome compare(const Lin& lin, const Cross& PHt, const S& innovation, const Gate& gate, Cross& K) {
   if constexpr (S::RowsAtCompileTime == 1) {
@@ -148,8 +148,8 @@ void wrap_angles(X& x, const std::vector<int>& angle_rows) {
 [[noreturn]] void refuse_result();
 [[noreturn]] void refuse_prediction();
 
-/// What correlated errors do in an update by that gain, eq. (21) to (26); `rows` are those that the
-/// Jacobian has columns for.
+/// What correlated errors do in an update by that gain, eq. (1.21) to (1.26); `rows` are those that
+/// the Jacobian has columns for.
 template <class Lin, class Cross, class S>
 void take_correlated(GaussianBelief& belief, const Lin& lin, const Cross& gain, const S& innovation,
                      const int* rows) {
@@ -179,13 +179,13 @@ inline Outcome count_fused(GaussianBelief& belief, const Outcome& outcome) {
   return outcome;
 }
 
-/// The update of three variables by one row, the pose by a range: eq. (10) of
-/// docs/models/kalman.md, written out, as products of so few numbers cost more than what is in
+/// The update of three variables by one row, the pose by a range: eq. (1.10) of
+/// docs/models/updates.md, written out, as products of so few numbers cost more than what is in
 /// them.
 Outcome update_three(GaussianBelief& belief, const Linearization<1, 3>& lin, const Gate& gate);
 
 /// The update where the local variables are the whole belief, in order: x += K r and
-/// Joseph's form of (I - K H) P, eq. (4) to (6) of docs/models/kalman.md, computed as
+/// Joseph's form of (I - K H) P, eq. (1.4) to (1.6) of docs/models/updates.md, computed as
 /// A - (A H' - K R) K' with A = P - K (P H')', which costs O(n^2) per measurement row.
 template <int M, int N, int MaxM, class Reach>
 Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin,
@@ -221,7 +221,7 @@ Outcome update_whole(GaussianBelief& belief, const Linearization<M, N, MaxM>& li
                               Eigen::Index noise_columns);
 
 /// The update where the slots are part of the belief, or the sizes are known at run time only: P is
-/// read and written once, eq. (10) of docs/models/kalman.md.
+/// read and written once, eq. (1.10) of docs/models/updates.md.
 Outcome update_part(GaussianBelief& belief,
                     const Linearization<Eigen::Dynamic, Eigen::Dynamic>& lin, Slots slots,
                     const Gate& gate);

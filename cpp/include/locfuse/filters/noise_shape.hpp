@@ -11,7 +11,7 @@ namespace locfuse {
 
 /// Noise as a mixture of Gaussians that are shifted and wider than R. A measurement with such noise
 /// is fused by the moments of what it leaves of the belief, so one that fits badly moves it little,
-/// and the covariance knows: docs/models/robust.md.
+/// and the covariance knows: docs/models/updates.md.
 class NoiseShape {
  public:
   struct Config {
@@ -39,8 +39,8 @@ class NoiseShape {
   [[nodiscard]] const Part* begin() const { return parts_.data(); }
   [[nodiscard]] const Part* end() const { return parts_.data() + count_; }
 
-  /// A residual and its noise as a Gaussian filter should take them, eq. (5), and by how much, in
-  /// the space of the measurement, it knows less than that, eq. (4).
+  /// A residual and its noise as a Gaussian filter should take them, eq. (2.5), and by how much, in
+  /// the space of the measurement, it knows less than that, eq. (2.4).
   template <int MaxM>
   struct MomentMatched {
     static constexpr int kRows = MaxM == 1 ? 1 : Eigen::Dynamic;

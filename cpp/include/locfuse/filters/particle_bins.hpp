@@ -16,7 +16,7 @@ struct ParticleBins {
                                 double min_share);
 
 /// Particles that keep the KL divergence below `error` with the probability that `quantile` of the
-/// normal distribution stands for, for `bins` occupied bins (Fox, 2003); eq. (4).
+/// normal distribution stands for, for `bins` occupied bins (Fox, 2003); eq. (1.4).
 [[nodiscard]] double kld_particles(int bins, double error, double quantile);
 
 }  // namespace locfuse

@@ -55,10 +55,10 @@ struct ParticleBelief {
   static constexpr int kMost = kMaxSize;
 };
 
-/// Moves each particle by its own draw from `step`, whose lengths are in cells; eq. (1).
+/// Moves each particle by its own draw from `step`, whose lengths are in cells; eq. (1.1).
 void move(ParticleBelief& belief, const UncertainMotion& step, std::uint64_t key, Workers& workers);
 
-/// Multiplies weights by exp(share * log_likelihood[i]) and makes them sum to 1; eq. (2).
+/// Multiplies weights by exp(share * log_likelihood[i]) and makes them sum to 1; eq. (1.2).
 ///
 /// `share` is the largest up to `max_share` that leaves `min_effective` of the particles, in the
 /// sense of effective_size: where few particles stand for a wide belief, a likelihood that is
@@ -66,7 +66,7 @@ void move(ParticleBelief& belief, const UncertainMotion& step, std::uint64_t key
 double reweigh(ParticleBelief& belief, const std::vector<float>& log_likelihood, double max_share,
                double min_effective);
 
-/// 1 / sum of squared weights; eq. (3).
+/// 1 / sum of squared weights; eq. (1.3).
 [[nodiscard]] double effective_size(const ParticleBelief& belief);
 
 }  // namespace locfuse

@@ -9,11 +9,11 @@
 #include "locfuse/math/symmetric.hpp"
 
 /// Guards of the Kalman filter against rounding: they keep P positive definite and its variances
-/// between bounds. Derivation: docs/models/kalman.md, section "Bounds".
+/// between bounds. Derivation: docs/models/updates.md, section "Bounds".
 namespace locfuse::internal {
 
-/// Limits of the guards, all of them ratios of variances; eq. (19) and (20) of
-/// docs/models/kalman.md.
+/// Limits of the guards, all of them ratios of variances; eq. (1.19) and (1.20) of
+/// docs/models/updates.md.
 struct GuardTuning {
   /// Noise added to a variance is at least this share of it: less would be lost in its rounding,
   /// and with it what keeps P positive definite.
@@ -98,8 +98,8 @@ template <class Lin, class Reach>
 }
 
 /// Keeps the variances of `count` rows from `first` on between their bounds, and the pose's part of
-/// P positive definite, or all of P where it may have `few` digits left; eq. (17) and (18) of
-/// docs/models/kalman.md.
+/// P positive definite, or all of P where it may have `few` digits left; eq. (1.17) and (1.18) of
+/// docs/models/updates.md.
 void keep_in_bounds(GaussianBelief& belief, Eigen::Index first, Eigen::Index count,
                     bool few = false);
 

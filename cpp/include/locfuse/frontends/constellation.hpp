@@ -25,7 +25,7 @@ struct ConstellationMatch {
 
 /// Poses from which two landmarks of the map are observed at `a` and `b`. Their distance must pass
 /// a gate of that probability. None if they are too close to each other to give a heading. O(n^2)
-/// for n landmarks. Derivation: docs/models/constellation.md.
+/// for n landmarks. Derivation: docs/models/landmarks.md.
 ///
 /// Throws std::invalid_argument if the probability is not in [0, 1].
 [[nodiscard]] std::vector<ConstellationMatch> match_constellation(const SeenLandmark& a,

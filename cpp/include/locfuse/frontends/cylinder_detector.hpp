@@ -48,7 +48,7 @@ struct Cylinder {
   double bearing = 0.0;  ///< of the centre, in the laser's frame [rad]
   double radius = 0.0;   ///< [m]
   /// Of (range, bearing, radius); zero in row and column of a given radius. The mean squared error
-  /// where the centre is that of a single beam, which has a bias: eq. (9).
+  /// where the centre is that of a single beam, which has a bias: eq. (5.9).
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
   int first =
       0;  ///< beam of its arc with the smallest bearing; above `last` across the end of the scan
@@ -57,7 +57,7 @@ struct Cylinder {
   double misfit = 0.0;  ///< chi-square per degree of freedom; 0 without any, and with kCone
 };
 
-/// Detects cylinders in single scans. docs/models/cylinders.md.
+/// Detects cylinders in single scans. docs/models/landmarks.md.
 ///
 /// Immutable; `detect` may be called from several threads.
 class CylinderDetector {

@@ -26,7 +26,7 @@ struct LineFeature {
 };
 
 /// Lines of a scan, in body, by split and merge with total least squares, the longest first;
-/// docs/models/line_features.md. The noise of the returns is estimated from the fits. Throws
+/// docs/models/scans.md. The noise of the returns is estimated from the fits. Throws
 /// std::invalid_argument if the scan is not valid or on a setting out of bounds.
 [[nodiscard]] std::vector<LineFeature> scan_line_features(const LaserScan& scan,
                                                           const LineFeaturesConfig& config = {});

@@ -28,7 +28,7 @@ struct PlacedScan {
 };
 
 /// End points of one or several scans, for matching another one: scan to scan, scan to local map.
-/// docs/models/scan_matching.md eq. (10) to (13). Immutable, cheap to copy.
+/// docs/models/scans.md eq. (1.10) to (1.13). Immutable, cheap to copy.
 class LocalMap {
  public:
   /// Throws std::invalid_argument on a setting out of bounds, or a scan or pose that is not valid.

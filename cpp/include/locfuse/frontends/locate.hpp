@@ -36,13 +36,13 @@ struct LocateOptions {
 /// A position that fits the ranges.
 struct PositionHypothesis {
   Eigen::VectorXd position;        ///< [m]
-  double cost = 0.0;               ///< eq. (14); chi-square without a loss
+  double cost = 0.0;               ///< eq. (2.14); chi-square without a loss
   Eigen::MatrixXd covariance;      ///< first order [m^2]; infinite diagonal if a direction is open
   Eigen::VectorXd weak_direction;  ///< unit vector of the largest uncertainty
   double weak_sigma = 0.0;         ///< sigma along it [m]
 };
 
-/// Comparison of SR-LS and maximum likelihood on the same ranges: eq. (18).
+/// Comparison of SR-LS and maximum likelihood on the same ranges: eq. (2.18).
 struct SolverComparison {
   Eigen::VectorXd squared_range_position;    ///< [m]
   Eigen::MatrixXd squared_range_covariance;  ///< of SR-LS, first order [m^2]
@@ -57,12 +57,12 @@ struct SolverComparison {
 struct MlComparison {
   Eigen::VectorXd ceres_position;    ///< minimum of Ceres that is nearest to our best [m]
   Eigen::MatrixXd ceres_covariance;  ///< first order, at that minimum [m^2]
-  double ceres_cost = 0.0;           ///< eq. (14)
+  double ceres_cost = 0.0;           ///< eq. (2.14)
   double distance = 0.0;             ///< between that and our best minimum [m]
   double sigmas = 0.0;  ///< the same in standard deviations of our covariance; NaN if that is open
 };
 
-/// Range whose removal improves a bad fit most: eq. (21).
+/// Range whose removal improves a bad fit most: eq. (2.21).
 struct RangeCulprit {
   int index = -1;           ///< index of the range
   double statistic = 0.0;   ///< decrease of the cost by its removal: chi-square of 1 dof
@@ -92,7 +92,7 @@ struct PositionSolution {
 };
 
 /// Position from the ranges of one epoch, one per anchor: SR-LS and maximum likelihood side by
-/// side, and every position that fits; docs/models/multilateration.md.
+/// side, and every position that fits; docs/models/ranges.md.
 ///
 /// Positions, costs and covariances are those of the solver that `LocateOptions::ml` names. The
 /// leave-one-out search for a culprit is always by `fit_ranges`.

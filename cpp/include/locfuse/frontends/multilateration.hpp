@@ -24,7 +24,7 @@ enum class PositionStatus : std::uint8_t {
 
 /// Error probabilities of the decision for a single position.
 struct PositionRules {
-  /// Probability that the wrong one of two positions is returned alone: eq. (20).
+  /// Probability that the wrong one of two positions is returned alone: eq. (2.20).
   double wrong_side_probability = 1e-6;
   /// Probability that a fit to good ranges is called inconsistent.
   double false_alarm_probability = 1e-3;
@@ -36,11 +36,11 @@ struct RangePosition {
   PositionStatus status = PositionStatus::kUnderdetermined;
   Vector<N> position = Vector<N>::Zero();  ///< best fit; undefined unless `has_position` [m]
   Matrix<N, N> covariance = Matrix<N, N>::Zero();  ///< first order [m^2]
-  double cost = 0.0;                               ///< eq. (14)
+  double cost = 0.0;                               ///< eq. (2.14)
   bool has_position = false;
 };
 
-/// SR-LS or SR-WLS alone, with first-order covariance, eq. (13), and without a test of fit.
+/// SR-LS or SR-WLS alone, with first-order covariance, eq. (2.13), and without a test of fit.
 template <int N>
 [[nodiscard]] RangePosition<N> solve_by_squares(const RangeLayout<N>& layout,
                                                 const RangesView& ranges,
@@ -60,7 +60,7 @@ struct RangeMinima {
 
 namespace internal {
 
-/// Cost below which eq. (19) excludes a second position; negative if there is none.
+/// Cost below which eq. (2.19) excludes a second position; negative if there is none.
 template <int N>
 [[nodiscard]] double strong_below(const RangeLayout<N>& layout, double side_margin);
 
@@ -88,13 +88,13 @@ template <int N>
 /// Returns its argument. Throws std::invalid_argument outside (0, 1).
 double checked_alarm(double false_alarm_probability);
 
-/// Square of the normal quantile: eq. (20). Throws std::invalid_argument outside (0, 0.5).
+/// Square of the normal quantile: eq. (2.20). Throws std::invalid_argument outside (0, 0.5).
 [[nodiscard]] double side_margin(double wrong_side_probability);
 
 }  // namespace internal
 
 /// Range-only positioning over one set of anchors: SR-LS, then maximum likelihood, also from the
-/// mirror image where that could fit as well. docs/models/multilateration.md. No heap.
+/// mirror image where that could fit as well. docs/models/ranges.md. No heap.
 template <int N>
 class Multilateration {
  public:
@@ -122,9 +122,9 @@ class Multilateration {
   [[nodiscard]] const Ranges& sigma() const { return sigma_; }
   [[nodiscard]] const RangeLayout<N>& layout() const { return layout_; }
   [[nodiscard]] const Config& config() const { return config_; }
-  /// Cost below which no other position can fit as well: eq. (19).
+  /// Cost below which no other position can fit as well: eq. (2.19).
   [[nodiscard]] double strong_below() const { return strong_below_; }
-  /// Minimum difference of costs that decides between two positions, eq. (20).
+  /// Minimum difference of costs that decides between two positions, eq. (2.20).
   [[nodiscard]] double side_margin() const { return side_margin_; }
   /// Maximum cost of good ranges by number of ranges, 0 to kMaxRanges.
   [[nodiscard]] double cost_limit(int ranges) const {

@@ -7,7 +7,7 @@
 
 namespace locfuse {
 
-/// Loss of a whitened residual z = (r - h) / sigma: eq. (15) of docs/models/multilateration.md.
+/// Loss of a whitened residual z = (r - h) / sigma: eq. (2.15) of docs/models/ranges.md.
 enum class RangeLossKind {
   kNone,      ///< z^2
   kHuber,     ///< grows linearly beyond the scale, either way
@@ -40,8 +40,8 @@ struct PositionPrior {
 /// A local minimum of the cost.
 template <int N>
 struct RangeFit {
-  Vector<N> position = Vector<N>::Zero();           ///< relative to the layout's centre [m]
-  double cost = 0.0;                                ///< sum of losses, eq. (14): chi-square without
+  Vector<N> position = Vector<N>::Zero();  ///< relative to the layout's centre [m]
+  double cost = 0.0;                       ///< sum of losses, eq. (2.14): chi-square without
   Matrix<N, N> information = Matrix<N, N>::Zero();  ///< J' W R^-1 J with the prior's [1/m^2]
   int iterations = 0;
   bool converged = false;
@@ -89,7 +89,7 @@ template <int N>
                                         const CeresOptions& options = {},
                                         std::string* termination = nullptr);
 
-/// Gain d x / d r of the fit, one column per range: eq. (17). False if a direction is open.
+/// Gain d x / d r of the fit, one column per range: eq. (2.17). False if a direction is open.
 template <int N>
 [[nodiscard]] bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit,
                                   RangeGain<N>& gain);

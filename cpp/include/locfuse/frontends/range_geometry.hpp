@@ -16,11 +16,11 @@ struct Dilution {
   double vertical = 0.0;    ///< z; 0 in the plane
 };
 
-/// Dilution of precision, eq. (22) of docs/models/multilateration.md. `point` has as many
+/// Dilution of precision, eq. (2.22) of docs/models/ranges.md. `point` has as many
 /// coordinates as positions have.
 [[nodiscard]] Dilution dilution(const AnchorTable& anchors, const Eigen::VectorXd& point);
 
-/// Cramer-Rao bound (J' R^-1 J)^-1 of a position from ranges at each point, eq. (22): lower bound
+/// Cramer-Rao bound (J' R^-1 J)^-1 of a position from ranges at each point, eq. (2.22): lower bound
 /// of the covariance of unbiased estimators [m^2]. Infinite on the diagonal where the ranges leave
 /// a direction open. `points` has one row per point.
 ///

@@ -52,8 +52,8 @@ template <int N>
 using RangeGain = Eigen::Matrix<double, N, Eigen::Dynamic, 0, N, kMaxRanges>;
 
 /// Anchors of range-only positioning in N dimensions, relative to their centroid and prepared for
-/// SR-LS: docs/models/multilateration.md eq. (5). A tag at known height over anchors in
-/// space is the planar case with `height_squared`, eq. (2).
+/// SR-LS: docs/models/ranges.md eq. (2.5). A tag at known height over anchors in
+/// space is the planar case with `height_squared`, eq. (2.2).
 template <int N>
 struct RangeLayout {
   using Numbers = std::array<double, kMaxRanges>;

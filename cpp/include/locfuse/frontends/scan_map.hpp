@@ -12,7 +12,7 @@ namespace locfuse {
 ///
 /// Two distance fields: of the occupied cells, for the heading search, and of the surface cells,
 /// those occupied cells that touch a free one, which a beam can hit; and a wall line through each
-/// surface cell and its neighbours. docs/models/scan_matching.md eq. (3).
+/// surface cell and its neighbours. docs/models/scans.md eq. (1.3).
 class ScanMap {
  public:
   /// Line n (p - point) = 0 in the field frame [cells]. The normal is zero where the cells around

@@ -55,7 +55,7 @@ struct ScanMatch {
 struct ScanHypothesis {
   ScanMatch match;
   double cost = 0.0;         ///< negative log of likelihood and prior; 0 is a perfect fit
-  double probability = 0.0;  ///< among the hypotheses found; docs/models/scan_matching.md eq. (9)
+  double probability = 0.0;  ///< among the hypotheses found; docs/models/scans.md eq. (1.9)
 };
 
 struct ScanSearch {
@@ -74,7 +74,7 @@ struct ScanSearch {
   std::vector<ScanHypothesis> hypotheses;  ///< likeliest first
 };
 
-/// Localizes a body on a map from single scans; docs/models/scan_matching.md. Immutable.
+/// Localizes a body on a map from single scans; docs/models/scans.md. Immutable.
 class ScanMatcher {
  public:
   /// Throws std::invalid_argument if there is no map or it has no occupied cell, or on a setting
@@ -85,8 +85,8 @@ class ScanMatcher {
   [[nodiscard]] const ScanMap& map() const { return *map_; }
   [[nodiscard]] const ScanMatcherConfig& config() const { return config_; }
 
-  /// Point-to-line fit over (x, y, heading) near `guess`, eq. (4) to (7). With a `covariance` (3x3,
-  /// positive definite) the guess is also a prior.
+  /// Point-to-line fit over (x, y, heading) near `guess`, eq. (1.4) to (1.7). With a `covariance`
+  /// (3x3, positive definite) the guess is also a prior.
   ///
   /// Converges from errors of up to 20 cm and 5 degrees; from larger ones possibly to another pose.
   /// Throws std::invalid_argument if scan, guess or covariance are not valid.

@@ -37,7 +37,7 @@ struct ScanMotion {
 };
 
 /// Motion of a body from its laser, without a map: each scan is matched with the latest key scans,
-/// near the pose that odometry predicts. docs/models/scan_matching.md, "Without a map".
+/// near the pose that odometry predicts. docs/models/scans.md, "Without a map".
 ///
 /// A body may have several lasers, each known by its mount: the local map has scans of each.
 ///

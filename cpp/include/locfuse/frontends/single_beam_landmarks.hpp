@@ -7,7 +7,7 @@
 #include "locfuse/messages/messages.hpp"
 
 /// Landmarks from one beam each, by the methods of two papers, for comparison with
-/// `CylinderDetector`; docs/models/cylinders.md, "Single beams".
+/// `CylinderDetector`; docs/models/landmarks.md, "Single beams".
 namespace locfuse {
 
 /// Beam that represents a landmark; -1, -1 and 0 if there is none.

@@ -32,7 +32,7 @@ struct ConditionedFix {
 
 /// Conditions the fixes of an RTLS for a filter (celan2017, section III.C): removes a constant
 /// bias, rejects jumps and frozen values, and low-passes the rest, tag by tag;
-/// docs/models/tag_triangle_ekf.md eq. (9) to (14). Fed in order of effective stamps.
+/// docs/models/poses.md eq. (7.9) to (7.14). Fed in order of effective stamps.
 class TagConditioner {
  public:
   struct Config {
@@ -54,7 +54,7 @@ class TagConditioner {
   void on(const Increment& u);
 
   /// Conditions one fix. What the low-pass lags behind at most is added to its covariance, unless
-  /// that is unknown: eq. (14). Throws std::invalid_argument if it is not valid.
+  /// that is unknown: eq. (7.14). Throws std::invalid_argument if it is not valid.
   ConditionedFix on(const PositionFix& z);
 
   /// The same where fixes of other antennas arrive, too: a fix of kUnknownTag passes as it is.

@@ -19,7 +19,7 @@ enum class TagOrderVerdict : std::uint8_t {
   kNoFit,      ///< in no order: a wrong fix, or other tags
 };
 
-/// Assignment of fixes to tags: docs/models/rigid_fit.md eq. (8).
+/// Assignment of fixes to tags: docs/models/poses.md eq. (4.8).
 struct TagOrder {
   TagOrderVerdict verdict = TagOrderVerdict::kNoFit;
   std::array<Id, 3> given{};  ///< ids of the fixes

@@ -35,7 +35,7 @@ constexpr int twice(int n) { return n == Eigen::Dynamic ? int(Eigen::Dynamic) : 
 }  // namespace internal
 
 /// Pose that maps points known in body to their measured positions in world, by least squares
-/// weighted with the covariance of (x0, y0, x1, y1, ...) in world [m^2]; docs/models/rigid_fit.md.
+/// weighted with the covariance of (x0, y0, x1, y1, ...) in world [m^2]; docs/models/poses.md.
 /// Starts from the closed form without weights, then Gauss-Newton. A reflection is never returned
 /// as a rotation. Compiled for three points, and for a number known at run time, Eigen::Dynamic.
 ///

@@ -13,7 +13,7 @@ namespace locfuse {
 ///
 /// Targets are the occupied cells, or given ones. The field extends by `margin` beyond the map on
 /// each side, for end points behind the outermost walls. Distances are between centres of cells;
-/// docs/models/scan_matching.md eq. (1) and (2).
+/// docs/models/scans.md eq. (1.1) and (1.2).
 ///
 /// Memory beside the grid: 4 bytes per cell and 4 per target, plus `Extra`.
 class DistanceField {

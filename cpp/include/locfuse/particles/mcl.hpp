@@ -25,7 +25,7 @@ namespace locfuse {
 
 /// Monte Carlo localization: a particle filter on an occupancy grid with laser scans, odometry,
 /// ranges, positions, poses and landmarks (Thrun, Burgard and Fox, Probabilistic Robotics, chapter
-/// 8); docs/models/mcl.md.
+/// 8); docs/models/particles.md.
 ///
 /// Copying it is a snapshot. Every `on` throws std::invalid_argument for a message that is not
 /// valid and NumericalError where numbers break. The same seed gives the same bits on any number of

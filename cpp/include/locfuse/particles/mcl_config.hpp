@@ -15,7 +15,7 @@
 
 namespace locfuse {
 
-/// Settings of an Mcl; docs/models/mcl.md.
+/// Settings of an Mcl; docs/models/particles.md.
 struct MclConfig {
   /// How a scan weighs particles.
   enum class Likelihood : std::uint8_t {
@@ -24,7 +24,7 @@ struct MclConfig {
   };
 
   /// What particles of a robot that is tracked are drawn from before a scan weighs them;
-  /// docs/models/mcl.md, "Drawing where the scan says".
+  /// docs/models/particles.md, "Drawing where the scan says".
   enum class Proposal : std::uint8_t {
     kOdometry,      ///< motion model alone
     kScanMatch,     ///< motion model and a match of the scan, shared by all particles

@@ -10,7 +10,7 @@
 namespace locfuse::internal {
 
 /// Chooses the likelihood field whose sigma_hit fits the map, and watches how well scans fit;
-/// eq. (2) of docs/models/mcl.md.
+/// eq. (2.2) of docs/models/particles.md.
 class MapSharpness {
  public:
   explicit MapSharpness(std::shared_ptr<const MclRecipe> recipe) : recipe_(std::move(recipe)) {}

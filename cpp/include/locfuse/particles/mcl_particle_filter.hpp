@@ -30,7 +30,7 @@ struct ParticleLikelihoods {
                 Workers& workers);
 };
 
-/// The particle filter of an Mcl: propagate, weigh, resample, cluster; docs/models/mcl.md.
+/// The particle filter of an Mcl: propagate, weigh, resample, cluster; docs/models/particles.md.
 ///
 /// Motion accumulates, with its covariance, until `propagate` moves the particles to it.
 class ParticleFilter {
@@ -60,11 +60,11 @@ class ParticleFilter {
   [[nodiscard]] UncertainMotion pending_in_cells() const;
   /// Moves particles by draws from the pending motion.
   void propagate(RandomKeys& keys);
-  /// Moves particles by draws from odometry and a scan match together; eq. (4) and (5). Returns
+  /// Moves particles by draws from odometry and a scan match together; eq. (2.4) and (2.5). Returns
   /// false, and moves nothing, where there is no match to draw from.
   bool propagate_by_match(const LaserScan& z, double sigma_hit, RandomKeys& keys);
   /// Moves each particle by a draw from odometry and the lines of scan and map together, or from
-  /// odometry alone where it sees none, and weighs it by them; eq. (6) to (9). Returns the scan
+  /// odometry alone where it sees none, and weighs it by them; eq. (2.6) to (2.9). Returns the scan
   /// without the beams that have weighed particles, if some have.
   [[nodiscard]] std::optional<LaserScan> propagate_by_lines(const LaserScan& z, double sigma_hit,
                                                             RandomKeys& keys);

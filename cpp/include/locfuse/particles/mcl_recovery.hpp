@@ -19,7 +19,7 @@ struct UsedScan {
 };
 
 /// Finds a kidnapped robot: recovery particles, each a candidate pose of its own, gather evidence
-/// against the particle filter; eq. (3) of docs/models/mcl.md.
+/// against the particle filter; eq. (2.3) of docs/models/particles.md.
 class ParticleRecovery {
  public:
   explicit ParticleRecovery(std::shared_ptr<const MclRecipe> recipe) : recipe_(std::move(recipe)) {}

@@ -14,7 +14,7 @@ namespace locfuse {
 /// particles are certain; otherwise the pose from UWB and odometry is injected into them.
 ///
 /// Ranges and fixes go to a RecoveringEkf beside the particles, which starts by itself and detects
-/// when it is lost. Derivation: docs/models/switching_mcl.md.
+/// when it is lost. Derivation: docs/models/particles.md.
 ///
 /// Copying it is a snapshot. Every `on` throws std::invalid_argument for a message that is not
 /// valid.

@@ -14,7 +14,7 @@
 namespace locfuse {
 namespace {
 
-/// Constants of LikelihoodField; docs/models/likelihood_field.md.
+/// Constants of LikelihoodField; docs/models/scans.md.
 struct LikelihoodFieldTuning {
   /// Maximum number of cells, of one byte each: a quarter of a gigabyte.
   static constexpr double kMaxCells = 1 << 28;

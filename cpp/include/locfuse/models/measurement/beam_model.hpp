@@ -17,7 +17,7 @@ struct Beams {
 };
 
 /// Likelihood of a beam's range, given the distance to the first wall on the map (Thrun, Burgard
-/// and Fox, Probabilistic Robotics, section 6.3); docs/models/beam_model.md.
+/// and Fox, Probabilistic Robotics, section 6.3); docs/models/scans.md.
 ///
 /// Casts a ray per beam and pose, some fifty times the cost of a likelihood field, but models that
 /// beams do not pass walls.
@@ -57,10 +57,10 @@ class BeamModel {
   [[nodiscard]] Beams beams_of(const LaserScan& scan, int max_beams) const;
 
   /// Log density of a range where the distance on the map is `expected` [m], infinite without a
-  /// wall; eq. (1).
+  /// wall; eq. (4.1).
   [[nodiscard]] double log_density(double range, double expected) const;
 
-  /// Sum over the beams, seen from a pose of the body in world; eq. (2).
+  /// Sum over the beams, seen from a pose of the body in world; eq. (4.2).
   [[nodiscard]] double log_likelihood(const Pose2& T_world_body, const Beams& beams) const;
 
  private:

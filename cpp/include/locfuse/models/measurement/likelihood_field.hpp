@@ -19,7 +19,7 @@ struct EndPoints {
 };
 
 /// Likelihood of the end point of a beam by its distance to the nearest wall (Thrun, Burgard and
-/// Fox, Probabilistic Robotics, section 6.4); docs/models/likelihood_field.md.
+/// Fox, Probabilistic Robotics, section 6.4); docs/models/scans.md.
 ///
 /// One byte per cell: the cost of 0 to 255 units of `unit()` nats.
 class LikelihoodField {
@@ -56,7 +56,7 @@ class LikelihoodField {
   /// longer than max_range_m are no returns.
   [[nodiscard]] EndPoints end_points(const LaserScan& scan, int max_points) const;
 
-  /// Log density of one end point [nats], at a point in cells of the map; eq. (1).
+  /// Log density of one end point [nats], at a point in cells of the map; eq. (3.1).
   [[nodiscard]] double log_density(double x, double y) const;
 
   /// Sums of costs over the end points for poses `begin` to `end` [cells], whole groups of eight,

@@ -10,8 +10,8 @@ namespace locfuse {
 
 /// Line of a wall as a body sees it, in normal form.
 ///
-/// h(x) = (r_j - x cos(alpha_j) - y sin(alpha_j), alpha_j - theta); docs/models/line_features.md
-/// eq. (5).
+/// h(x) = (r_j - x cos(alpha_j) - y sin(alpha_j), alpha_j - theta); docs/models/scans.md
+/// eq. (2.5).
 class LineModel {
  public:
   struct Config {
@@ -31,7 +31,7 @@ class LineModel {
   }
 
   /// R of a line seen in body, whose (r, alpha) has the `covariance`, if it is that wall, by so
-  /// many beams that meet errors of the map independent of each other: eq. (7). Of the two pieces
+  /// many beams that meet errors of the map independent of each other: eq. (2.7). Of the two pieces
   /// the shorter one says how well the wall's direction is known.
   [[nodiscard]] Matrix<2, 2> noise(const Pose2& T_world_body, const Line2& wall, const Line2& seen,
                                    const Matrix<2, 2>& covariance, double independent_beams) const {
@@ -50,7 +50,7 @@ class LineModel {
   }
 
   /// Linearization by a line seen in body, with R from `noise`. Jacobian with respect to (x, y,
-  /// theta) of T_world_body, 2x3: eq. (6), the same from every pose.
+  /// theta) of T_world_body, 2x3: eq. (2.6), the same from every pose.
   [[nodiscard]] static Linearization<2, 3> linearize(const Pose2& T_world_body, const Line2& wall,
                                                      const Line2& seen, const Matrix<2, 2>& R) {
     const Vector<2> expected = predict(T_world_body, wall);

@@ -7,7 +7,7 @@
 
 namespace locfuse {
 
-/// A known distance between two points: h(a, b) = |b - a|; docs/models/point_distance.md.
+/// A known distance between two points: h(a, b) = |b - a|; docs/models/poses.md.
 class PointDistanceModel {
  public:
   struct Config {
@@ -25,7 +25,7 @@ class PointDistanceModel {
     return (b - a).norm();
   }
 
-  /// Jacobian with respect to (a, b), 1x4: eq. (2). Empty if the points coincide (no
+  /// Jacobian with respect to (a, b), 1x4: eq. (6.2). Empty if the points coincide (no
   /// direction).
   [[nodiscard]] std::optional<Linearization<1, 4>> linearize(const Vector<2>& a, const Vector<2>& b,
                                                              double distance) const {

@@ -11,7 +11,7 @@
 
 namespace locfuse {
 
-/// Pose from another localizer, h(x) = x (ekim2020 eq. 11); docs/models/pose.md.
+/// Pose from another localizer, h(x) = x (ekim2020 eq. 11); docs/models/poses.md.
 class PoseModel {
  public:
   struct Config {

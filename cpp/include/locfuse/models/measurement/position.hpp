@@ -14,7 +14,7 @@
 namespace locfuse {
 
 /// Position of an antenna or a tag on the body: h(x) = p + R(theta) lever;
-/// docs/models/position.md.
+/// docs/models/poses.md.
 class PositionModel {
  public:
   struct Config {

@@ -27,7 +27,7 @@ struct RangeErrors {
 /// Range from a body-fixed tag to an anchor, both in 3D; the body is on the plane z = 0 or at a
 /// height above it.
 ///
-/// h(x) = scale * |anchor - (p + R(theta) tag)| + offset  [m]; docs/models/range.md eq. (1).
+/// h(x) = scale * |anchor - (p + R(theta) tag)| + offset  [m]; docs/models/ranges.md eq. (1.1).
 class RangeModel {
  public:
   /// R = sigma^2 + (sigma_relative * distance)^2 where the message has no sigma.
@@ -48,27 +48,28 @@ class RangeModel {
   [[nodiscard]] std::optional<double> predict(const Pose2& T_world_body, double height,
                                               const Range& z) const;
 
-  /// Jacobian with respect to (x, y, theta) of T_world_body, 1x3: eq. (3). Empty if the anchor or
+  /// Jacobian with respect to (x, y, theta) of T_world_body, 1x3: eq. (1.3). Empty if the anchor or
   /// the tag is unknown, or the tag sits on the anchor (no direction).
   [[nodiscard]] std::optional<Linearization<1, 3>> linearize(const Pose2& T_world_body,
                                                              const Range& z) const {
     return look<3>(T_world_body, 0.0, z);
   }
   /// Jacobian with respect to (x, y, theta) and the height of the body above z = 0 [m], 1x4: eq.
-  /// (5).
+  /// (1.5).
   [[nodiscard]] std::optional<Linearization<1, 4>> linearize(const Pose2& T_world_body,
                                                              double height, const Range& z) const {
     return look<4>(T_world_body, height, z);
   }
 
   /// Linearization with `errors`, on a body that moves by `rate` per second in its own frame:
-  /// Jacobian with respect to (x, y, theta) and the errors, 1x6, eq. (7) and (8). Empty as above.
+  /// Jacobian with respect to (x, y, theta) and the errors, 1x6, eq. (1.7) and (1.8). Empty as
+  /// above.
   [[nodiscard]] std::optional<Linearization<1, 3 + RangeErrors::kCount>> linearize_with_errors(
       const Pose2& T_world_body, const Range& z, const RangeErrors& errors,
       const Pose2& rate) const;
 
   /// Linearization for a tag that is itself a variable: Jacobian with respect to its position in
-  /// the plane, 1x2, at its height in body; eq. (6). Empty as above.
+  /// the plane, 1x2, at its height in body; eq. (1.6). Empty as above.
   [[nodiscard]] std::optional<Linearization<1, 2>> linearize_point(const Vector<2>& tag_in_world,
                                                                    const Range& z) const;
 

@@ -22,7 +22,7 @@ struct LandmarkErrors {
 /// Range and bearing from a sensor on the body to the centre of a landmark, or one of the two.
 ///
 /// h(x) = (|d|, atan2(d_y, d_x)) with d the landmark in the sensor's frame;
-/// docs/models/range_bearing.md eq. (1).
+/// docs/models/landmarks.md eq. (1.1).
 class RangeBearingModel {
  public:
   /// R = diag(sigma_range_m^2 + (sigma_range_relative * range)^2, sigma_bearing_rad^2) where the
@@ -51,7 +51,7 @@ class RangeBearingModel {
   /// Expected range [m] and bearing [rad].
   [[nodiscard]] Vector<2> predict(const Pose2& T_world_body, const Vector<2>& landmark) const;
 
-  /// Jacobian of range and bearing with respect to (x, y, theta) of T_world_body, 2x3: eq. (2).
+  /// Jacobian of range and bearing with respect to (x, y, theta) of T_world_body, 2x3: eq. (1.2).
   /// Empty if the landmark coincides with the sensor (no direction), or range or bearing is
   /// missing.
   [[nodiscard]] std::optional<Linearization<2, 3>> linearize_both(const Pose2& T_world_body,
@@ -68,13 +68,14 @@ class RangeBearingModel {
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3, 2>> linearize(
       const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const;
 
-  /// Linearization with respect to (x, y, theta) and (x, y) of the landmark, five columns: eq. (3).
+  /// Linearization with respect to (x, y, theta) and (x, y) of the landmark, five columns: eq.
+  /// (1.3).
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 5, 2>> linearize_with_landmark(
       const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z) const;
 
   /// Linearization for a sensor with `errors`, on a body that moves by `rate` per second in its own
   /// frame: with respect to (x, y, theta) and the errors, x, y and heading of the mount first; eq.
-  /// (5) to (7).
+  /// (1.5) to (1.7).
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 3 + LandmarkErrors::kCount, 2>>
   linearize_with_errors(const Pose2& T_world_body, const Vector<2>& landmark, const RangeBearing& z,
                         const LandmarkErrors& errors, const Pose2& rate) const;
@@ -85,14 +86,14 @@ class RangeBearingModel {
                                   const Vector<3>& landmark) const;
 
   /// Linearization of any observation from there, with one to three rows, with respect to (x, y,
-  /// theta) and the height: eq. (9). Empty also if the landmark is straight above or below the
+  /// theta) and the height: eq. (1.9). Empty also if the landmark is straight above or below the
   /// sensor.
   [[nodiscard]] std::optional<Linearization<Eigen::Dynamic, 4, 3>> linearize(
       const Pose2& T_world_body, double height, const Vector<3>& landmark,
       const RangeBearing& z) const;
 
   /// Position in world of an observed landmark, with its derivatives with respect to the pose and
-  /// to (range, bearing): eq. (4).
+  /// to (range, bearing): eq. (1.4).
   struct Placed {
     Vector<2> position;
     Matrix<2, 3> by_pose;

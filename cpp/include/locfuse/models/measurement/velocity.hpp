@@ -8,7 +8,7 @@
 namespace locfuse {
 
 /// Velocities in world of points on a rigid body from wheel odometry: celan2017 eq. (5) to (10),
-/// differentiated; docs/models/velocity.md.
+/// differentiated; docs/models/poses.md.
 ///
 /// The heading is assumed to be known.
 class VelocityModel {
@@ -27,7 +27,7 @@ class VelocityModel {
   /// Throws std::invalid_argument on a sigma that is negative or not finite, or if the last is 0.
   explicit VelocityModel(const Config& config);
 
-  /// Velocity in world of a point on the body [m/s]: eq. (2). `twist` is (forward [m/s], left
+  /// Velocity in world of a point on the body [m/s]: eq. (5.2). `twist` is (forward [m/s], left
   /// [m/s], turn rate [rad/s]).
   [[nodiscard]] static Vector<2> predict(double heading, const Vector<3>& twist,
                                          const Vector<2>& point_in_body) {
@@ -39,14 +39,14 @@ class VelocityModel {
   }
 
   /// Linearization with respect to the velocities of the points, one per column of
-  /// `points_in_body`: the Jacobian is the identity, R is eq. (4).
+  /// `points_in_body`: the Jacobian is the identity, R is eq. (5.4).
   template <int Size>
   [[nodiscard]] Linearization<Size, Size> linearize(
       const Vector<Size>& velocities, double heading, const Vector<3>& twist,
       const Matrix<2, Size / 2>& points_in_body) const {
     Linearization<Size, Size> lin;
     lin.jacobian.setIdentity();
-    Matrix<Size, 3> errors;  // of the velocities by those of the twist: eq. (3)
+    Matrix<Size, 3> errors;  // of the velocities by those of the twist: eq. (5.3)
     for (int i = 0; i < Size / 2; ++i) {
       const Vector<2> point = points_in_body.col(i);
       lin.residual.template segment<2>(2 * i) =

@@ -9,7 +9,7 @@ namespace locfuse {
 /// Velocity of a vehicle from its steering angle and the speed of one rear wheel. The origin of the
 /// body is the middle of the rear axle.
 ///
-/// Derivation: docs/models/ackermann.md. The steering angle is that of a virtual wheel in
+/// Derivation: docs/models/motion.md. The steering angle is that of a virtual wheel in
 /// the middle of the front axle [rad], positive to the left; the wheel speed is negative backwards
 /// [m/s].
 class AckermannVehicle {
@@ -27,16 +27,16 @@ class AckermannVehicle {
 
   [[nodiscard]] const Config& config() const { return config_; }
 
-  /// Velocity of the body, eq. (2) and (3). Throws std::invalid_argument if a value is not finite,
-  /// a speed exceeds 1e6 m/s, or the wheel does not determine the speed: steered by 90 degrees or
-  /// more, or about a point that is not beyond the wheel.
+  /// Velocity of the body, eq. (3.2) and (3.3). Throws std::invalid_argument if a value is not
+  /// finite, a speed exceeds 1e6 m/s, or the wheel does not determine the speed: steered by 90
+  /// degrees or more, or about a point that is not beyond the wheel.
   [[nodiscard]] Velocity velocity(Stamp stamp, double wheel_speed, double steering) const;
 
-  /// Jacobian of (forward, turn rate) with respect to (wheel speed, steering); eq. (4). Throws as
+  /// Jacobian of (forward, turn rate) with respect to (wheel speed, steering); eq. (3.4). Throws as
   /// `velocity` does.
   [[nodiscard]] Matrix<2, 2> jacobian(double wheel_speed, double steering) const;
 
-  /// Covariance of (forward, turn rate) from the sigmas; eq. (5). Throws as `velocity` does.
+  /// Covariance of (forward, turn rate) from the sigmas; eq. (3.5). Throws as `velocity` does.
   [[nodiscard]] Matrix<2, 2> covariance(double wheel_speed, double steering) const;
 
  private:

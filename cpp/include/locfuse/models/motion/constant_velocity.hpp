@@ -10,7 +10,7 @@ namespace locfuse {
 /// Motion of a body without odometry: constant velocity with white acceleration, random-walk
 /// heading.
 ///
-/// Derivation: docs/models/constant_velocity.md.
+/// Derivation: docs/models/motion.md.
 class ConstantVelocityMotion {
  public:
   /// Square roots of spectral densities.
@@ -28,7 +28,8 @@ class ConstantVelocityMotion {
   /// Throws std::invalid_argument unless the sigmas are finite and positive.
   explicit ConstantVelocityMotion(const Config& config);
 
-  /// State `seconds` later; eq. (2) and (3). Exact for any step: two halves are equal to the whole.
+  /// State `seconds` later; eq. (4.2) and (4.3). Exact for any step: two halves are equal to the
+  /// whole.
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> propagate(const Eigen::VectorXd& state,
                                                                        double seconds) const;
 
@@ -41,7 +42,7 @@ class ConstantVelocityMotion {
 
 /// Points of constant velocity with white acceleration: celan2017 eq. (2) and (3).
 ///
-/// Derivation: docs/models/constant_velocity.md.
+/// Derivation: docs/models/motion.md.
 class PointMotion {
  public:
   struct Config {
@@ -53,8 +54,8 @@ class PointMotion {
   /// Throws std::invalid_argument unless the sigma is finite and positive.
   explicit PointMotion(const Config& config);
 
-  /// All positions, then all velocities, of `Size` / 4 points in the plane `seconds` later; eq. (2)
-  /// for each axis. Exact for any step: two halves are equal to the whole.
+  /// All positions, then all velocities, of `Size` / 4 points in the plane `seconds` later; eq.
+  /// (4.2) for each axis. Exact for any step: two halves are equal to the whole.
   template <int Size>
   [[nodiscard]] Propagation<Vector<Size>, Size> propagate(const Vector<Size>& state,
                                                           double seconds) const {

@@ -23,7 +23,7 @@ struct OdometryErrors {
 /// Wheel odometry: motion in the previous body frame. Its noise grows with the distance driven and
 /// the angle turned, so it does not depend on the message rate.
 ///
-/// Derivation: docs/models/odometry.md.
+/// Derivation: docs/models/motion.md.
 class OdometryMotion {
  public:
   /// Standard deviations of a random walk over distance and turn. The defaults are of wheels of
@@ -43,8 +43,8 @@ class OdometryMotion {
   /// Throws std::invalid_argument unless every sigma is 0 to 1e6.
   explicit OdometryMotion(const Config& config);
 
-  /// T_world_body after `motion` (previous body frame), which took `seconds`; eq. (1) to (4).
-  /// `variance` of the motion's dx, dy and dheading, where it is known, replaces eq. (3).
+  /// T_world_body after `motion` (previous body frame), which took `seconds`; eq. (1.1) to (1.4).
+  /// `variance` of the motion's dx, dy and dheading, where it is known, replaces eq. (1.3).
   [[nodiscard]] Propagation<Pose2, 3> propagate(
       const Pose2& T_world_body, const Pose2& motion, double seconds,
       const std::optional<Vector<3>>& variance = {}) const {
@@ -83,7 +83,7 @@ class OdometryMotion {
   }
 
   /// Propagation by a motion that was reported with `errors`, and the derivative of the moved pose
-  /// with respect to them, in their order; eq. (7) and (8).
+  /// with respect to them, in their order; eq. (1.7) and (1.8).
   struct Corrected {
     Propagation<Pose2, 3> step;
     Matrix<3, OdometryErrors::kCount> by_errors;
