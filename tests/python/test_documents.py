@@ -26,6 +26,7 @@ import yaml
 from matplotlib.image import imread
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+from typer.testing import CliRunner
 
 import locfuse.core
 from configuration_page import CONFIGURATION, SECTIONS, configuration_page
@@ -130,6 +131,32 @@ def test_yaml_blocks_are_configurations_or_log_yaml(page: Path) -> None:
             data = yaml.safe_load(block.text)
             if not set(data) <= {"tags", "laser", "map", "description", "licence"}:
                 parse_config(data, f"{page}, line {block.line}")
+
+
+def test_quickstart_leads_from_an_empty_folder_to_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its blocks in order: Python runs, YAML with a name is saved, locfuse commands succeed."""
+    monkeypatch.chdir(tmp_path)
+    ran = 0
+    for block in blocks_of(DOCS / "quickstart.md"):
+        if block.language == "python":
+            exec(compile(block.text, "quickstart.md", "exec"), {"__name__": "page"})
+        elif block.language == "yaml" and (file := re.match(r"# (\w+\.yaml)\n", block.text)):
+            (tmp_path / file[1]).write_text(block.text)
+        elif block.language == "sh":
+            for line in block.text.splitlines():
+                if line.startswith("locfuse "):
+                    done = CliRunner().invoke(app, shlex.split(line)[1:])
+                    assert done.exit_code == 0, f"{line}: {done.output}"
+                    ran += 1
+    runs = {
+        path.parent.name: json.loads(path.read_text()) for path in Path("out").glob("*/m*.json")
+    }
+    assert ran > len(runs) > 7
+    for name, metrics in runs.items():
+        assert metrics["position_rmse_m"] < 0.25, name
+        assert metrics["health"]["share"].get("lost", 0.0) == 0.0, name
 
 
 @pytest.mark.parametrize("config", sorted((ROOT / "examples/configs").glob("*.yaml")), ids=name_of)

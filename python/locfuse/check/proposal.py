@@ -53,7 +53,7 @@ def proposal(path: Path, base: Path, world: str = "world") -> Proposal:
     log = read_recording(path, ros, base)
     files = _gaps(log) if is_bag(path) else {}
     filled = "to be filled in: where anchors and tags are"
-    lines = [("log", _relative(path, base), "what this is for; --log names another"),
+    lines = [("log", _relative(path, base), "recorded drive; --log overrides it"),
              *_keys(log),
              *([("ros.world", world, filled)] if files else []),
              *((f"ros.topics.{key}", *found) for key, found in topics.items())]  # fmt: skip

@@ -90,8 +90,8 @@ def run(
 def _print_metrics(result: RunResult) -> None:
     metrics = result.metrics
     for key, value in {**metrics, **(metrics["mcl"] or {})}.items():
-        if isinstance(value, float | int | None):
-            console.print(f"{key:22} {'-' if value is None else f'{value:.6g}'}")
+        if isinstance(value, float | int):
+            console.print(f"{key:22} {value:.6g}")
     for name, error in (metrics["calibration"] or {}).items():
         note = "" if error["observed"] else ", not observable: its sigma hardly fell"
         console.print(f"{name:22} {error['value']:.4g} +- {error['sigma']:.2g}{note}",
