@@ -323,7 +323,9 @@ def test_every_page_is_in_the_navigation_and_nothing_is_fetched() -> None:
     assert sorted(leaves(site["nav"])) == sorted(
         str(p.relative_to(DOCS)) for p in DOCS.rglob("*.md")
     )
-    assert site["theme"]["highlightjs"] is False
+    assert site["theme"]["name"] == "material"
+    assert site["theme"]["font"] is False
+    assert not {"extra_javascript", "extra_css", "extra"} & set(site)
     for page in DOCS.rglob("*.md"):
         assert "<script" not in page.read_text()
 
