@@ -20,6 +20,19 @@ from locfuse.config.base import Strict, description, is_tag, options
 
 CONFIGURATION = Path(__file__).parents[1] / "docs" / "configuration.md"
 FIRST = "## First keys"
+UNITS = {
+    "_per_m": "1/m",
+    "_per_sqrt_m": "/√m",
+    "_per_sqrt_rad": "/√rad",
+    "_per_sqrt_s": "/√s",
+    "_mps": "m/s",
+    "_radps": "rad/s",
+    "_rad": "rad",
+    "_deg": "deg",
+    "_hz": "Hz",
+    "_m": "m",
+    "_s": "s",
+}
 SECTIONS: dict[str, type[Strict]] = {
     "## Top level": schema.RunConfig,
     "### `switched_off`": schema.SwitchedOff,
@@ -117,8 +130,28 @@ def _first_row(path: str) -> str:
     for section in sections:
         (model,) = (one for one in options(model.model_fields[section].annotation)
                     if isinstance(one, type) and issubclass(one, Strict))  # fmt: skip
+    return f"| `{path}` | {_meaning(model, key)} |"
+
+
+def _meaning(model: type[Strict], key: str) -> str:
+    """Return what a key means, and its unit where the key does not spell it."""
     text, unit = description(model, key)
-    return f"| `{path}` | {unit or '-'} | {text.removesuffix('.')} |"
+    return text.removesuffix(".") + (f" [{unit}]" if unit and unit_of(key) is None else "")
+
+
+def unit_of(key: str) -> str | None:
+    """Return the unit that a key spells; None if it spells none."""
+    if key.endswith("_radps_per_sqrt_s"):
+        return "rad/s/√s"
+    if key.endswith("_radps_per_sqrt_hz"):
+        return "rad/s/√Hz"
+    if key in ("sigma_velocity_per_sqrt_s", "sigma_climb_per_sqrt_s"):
+        return "m/s/√s"
+    ending = next((ending for ending in UNITS if key.endswith(ending)), None)
+    if ending is None:
+        return None
+    angle = "rad" if "heading" in key or "turn" in key else "m"
+    return (angle if "sqrt" in ending else "") + UNITS[ending]
 
 
 def _default(field: FieldInfo) -> str:
@@ -150,14 +183,13 @@ def _rows(model: type[Strict], lines: Iterator[str]) -> Iterator[str]:
     """Yield a row per key, and the line after the table, which `lines` stand at."""
     line, old = next(lines, None), {}
     while line is not None and line.startswith("|"):
-        key, _, _, allowed, _ = (cell.strip() for cell in line.strip("|").split("|"))
+        key, _, allowed, _ = (cell.strip() for cell in line.strip("|").split("|"))
         old[key] = allowed
         line = next(lines, None)
     for key, field in model.model_fields.items():
         if not is_tag(model, key):  # which the heading names
             default, allowed = _default(field), old.get(f"`{key}`", "")
-            text, unit = description(model, key)
-            yield f"| `{key}` | {default} | {unit or '-'} | {allowed} | {text.removesuffix('.')} |"
+            yield f"| `{key}` | {default} | {allowed} | {_meaning(model, key)} |"
     if line is not None:
         yield line
 

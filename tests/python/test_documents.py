@@ -29,10 +29,10 @@ from pydantic.fields import FieldInfo
 from typer.testing import CliRunner
 
 import locfuse.core
-from configuration_page import CONFIGURATION, SECTIONS, configuration_page
+from configuration_page import CONFIGURATION, SECTIONS, configuration_page, unit_of
 from locfuse.cli.app import COMMANDS, app, load
 from locfuse.config import ros, scenario, schema
-from locfuse.config.base import Strict, is_tag
+from locfuse.config.base import Strict, description, is_tag
 from locfuse.config.load import load_config, parse_config
 from locfuse.report.results import write_results
 from locfuse.run.run import run
@@ -436,38 +436,10 @@ def test_there_is_one_version() -> None:
 
 # Configuration ---------------------------------------------------------------------------------
 
-UNITS = {
-    "_per_m": "1/m",
-    "_per_sqrt_m": "/√m",
-    "_per_sqrt_rad": "/√rad",
-    "_per_sqrt_s": "/√s",
-    "_mps": "m/s",
-    "_radps": "rad/s",
-    "_deg": "deg",
-    "_hz": "Hz",
-    "_m": "m",
-    "_s": "s",
-}
-
 
 def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """Return the fields of a model but for the tag that its heading names."""
     return {k: f for k, f in model.model_fields.items() if not is_tag(model, k)}
-
-
-def unit_of(key: str) -> str | None:
-    """Return the unit that a key spells; None if it spells none."""
-    if key.endswith("_radps_per_sqrt_s"):
-        return "rad/s/√s"
-    if key.endswith("_radps_per_sqrt_hz"):
-        return "rad/s/√Hz"
-    if key in ("sigma_velocity_per_sqrt_s", "sigma_climb_per_sqrt_s"):
-        return "m/s/√s"
-    ending = next((ending for ending in UNITS if key.endswith(ending)), None)
-    if ending is None:
-        return None
-    angle = "rad" if "heading" in key or "turn" in key else "m"
-    return (angle if "sqrt" in ending else "") + UNITS[ending]
 
 
 def bounds_of(field: FieldInfo) -> list[str]:
@@ -500,10 +472,14 @@ def test_configuration_tables_are_those_of_the_code(heading: str) -> None:
     fields = fields_of(SECTIONS[heading])
     rows = {row[0].strip("`"): row for row in table_under(CONFIGURATION, heading)}
     assert list(rows) == list(fields)
-    for key, (_, _, unit, allowed, meaning) in rows.items():
+    for key, (_, _, allowed, meaning) in rows.items():
         field = fields[key]
         where = f"{heading} {key}"
-        assert unit == unit_of(key) or (unit_of(key) is None and unit), where
+        _, unit = description(SECTIONS[heading], key)
+        if unit_of(key) is not None:
+            assert unit == unit_of(key), where
+        elif unit:
+            assert meaning.endswith(f"[{unit}]"), where
         for bound in bounds_of(field):
             assert bound in allowed, f"{where}: {bound} is not in {allowed!r}"
         assert meaning, where

@@ -74,14 +74,11 @@ class Fields(Strict):
     })  # fmt: skip
 
     preset: Name | None = None
-    """Driver whose messages they are: one of [these](ros.md#messages-of-other-drivers), whose
-    fields are then those of all keys that are not given.
-    """
+    """[Driver](ros.md#messages-of-other-drivers) whose fields are those of all keys not given."""
     json_of: Name | None = None
     """Field that holds JSON, in which the paths are then."""
     each: Name | None = None
-    """List in the message, each element of which is one measurement; default: the message is one.
-    """
+    """List in the message, one measurement an element; default: the message is one."""
     only: dict[Name, int | bool | str] = Field(default_factory=dict)
     """Values that fields of an element must have; others are left out."""
     names: dict[str, Name] = Field(default_factory=dict)
@@ -191,9 +188,7 @@ class Topics(Strict):
     landmark_sightings: Name | None = "sightings"
     """locfuse_msgs/LandmarkSightings or LandmarkSighting."""
     altitudes: Name | None = "altitude"
-    """Of the kind `air`: sensor_msgs/Range down to z = 0, or z of
-    geometry_msgs/PoseWithCovarianceStamped or PointStamped.
-    """
+    """Range down to z = 0, PoseWithCovarianceStamped or PointStamped; kind `air`."""
     map: Name | None = "map"
     """nav_msgs/OccupancyGrid."""
     anchors: Name | None = "anchors"
@@ -209,12 +204,9 @@ class Topics(Strict):
     path: Name | None = "locfuse/path"
     """Published: nav_msgs/Path."""
     start: Name | None = None
-    """Published latched once a start without a prior is `ready`: PoseWithCovarianceStamped for
-    AMCL, usually `initialpose`.
-    """
+    """Published latched once a start is found, for AMCL, usually `initialpose`."""
     fallback: Name | None = None
-    """Published with `watch_poses`: each watched pose, once it is judged, while it is not lost,
-    else the estimate if that is ok or degraded: PoseWithCovarianceStamped.
+    """Published with `watch_poses`: the watched poses while they are not lost, else the estimate.
     """
     mapped: Name | None = "locfuse/landmarks"
     """Published latched by an estimator that maps: locfuse_msgs/NamedPoints."""
@@ -267,8 +259,8 @@ class Ros(Strict):
     """
 
     world: Name | None = None
-    """Anchors, landmarks, tags, mounts and map as in a [log folder](log_format.md), without
-    messages; they override those of topics.
+    """Anchors, landmarks, tags, mounts and map as a [log folder](log_format.md); they override
+    topics.
     """
     topics: Topics = Field(default_factory=Topics)
     """Names of topics."""
@@ -283,24 +275,19 @@ class Ros(Strict):
     odometry_from: Literal["pose", "twist"] = "pose"
     """Use increments between the poses of odometry, or its velocities."""
     estimate_at: Literal["odometry", "fused"] = "odometry"
-    """`odometry`: the published pose is propagated to the newest odometry, once for each of its
-    stamps and ten times a second at rest; `fused`: it is that of the newest fused message, as in
-    `estimate.csv`.
-    """
+    """The published pose is that at the newest `odometry`, or at the newest `fused` message."""
     cloud_heights_m: tuple[float, float] | None = None
-    """Heights over the body's origin of which points of a PointCloud2 count; null: from half the
-    height of its sensor up to 0.3 m above it [m].
-    """
+    """Heights over the body's origin of which points of a PointCloud2 count [m]."""
     uwb_unit: Literal["m", "mm"] = "m"
     """Unit of the distances of locfuse_msgs/UwbData."""
     uwb_tag: Name = "tag"
     """Name of the tag where a range names none."""
     gps_origin: tuple[Latitude, Longitude, float] | None = None
-    """Origin of the map, and angle of its x axis counter-clockwise from east; default: the first
-    fix, x to the east [deg].
+    """Latitude and longitude of the map's origin, angle of its x axis from east; default: the
+    first fix [deg].
     """
     publish_transform: bool = True
-    """Publish the transform from map to odom; with `watch_poses` the other localizer does."""
+    """Publish the transform from map to odom."""
     transform_ahead_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
     """Time by which the stamp of that transform lies in the future [s]."""
     path_hz: Rate = 2.0

@@ -135,7 +135,7 @@ class Roam(Straight):
 
     shape: Literal["roam"] = "roam"
     clearance_m: NonNegative = 0.3
-    """Minimum distance from cells that are not free, less half the diagonal of a cell [m]."""
+    """Minimum distance from cells that are not free [m]."""
 
 
 class Points(Straight):
@@ -146,11 +146,9 @@ class Points(Straight):
 
     shape: Literal["points"] = "points"
     points_m: Annotated[list[Point2], Field(min_length=2)]
-    """Points in world, in the room (or on the map of a `file`), each different from the one before
-    [m].
-    """
+    """Points in world, each different from the one before [m]."""
     closed: bool = False
-    """Drive from the last point to the first, lap after lap; else the robot stands at the last."""
+    """Drive laps; else the robot stands at the last point."""
 
     @model_validator(mode="after")
     def _legs_have_length(self) -> Points:
@@ -241,9 +239,7 @@ class PositionSensor(Strict):
     antenna_left_m: float = 0.0
     """Antenna in body, to the left [m]."""
     tags: list[Name] = Field(default_factory=list)
-    """Report the positions of these tags instead of the antenna's, all at each epoch, as an RTLS
-    does.
-    """
+    """Report positions of these tags, as an RTLS does, instead of the antenna's."""
 
 
 class Flight(Strict):
@@ -325,9 +321,7 @@ class LaserSensor(Strict):
     beams: Annotated[int, Field(ge=2, le=100_000)] = 360
     """Number of beams of a scan, evenly spaced."""
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
-    """Field of view, centred straight ahead, from the first beam to the last; a full turn omits the
-    last step [deg].
-    """
+    """Field of view, centred straight ahead [deg]."""
     range_min_m: NonNegative = 0.12
     """Minimum range of a return [m]."""
     range_max_m: Positive = 3.5
@@ -361,7 +355,7 @@ class RoomMap(Strict):
     seed: Annotated[int, Field(ge=0, lt=2**64)] = 0
     """Seed of the generated world, independent of the `seed` of the run."""
     resolution_m: Annotated[float, Field(ge=1e-6, le=1e6)] = 0.05
-    """Side of a cell; at most 10,000 along a side of the room, and 0.25 m with `generate` [m]."""
+    """Side of a cell; at most 0.25 m with `generate` [m]."""
     walls: list[Segment] = Field(default_factory=list)
     """Additional walls, which block beams but no ranges [m]."""
 
@@ -454,7 +448,7 @@ class Outliers(Strict):
     probability: Probability
     """Probability that a row is an outlier."""
     magnitude_m: Positive
-    """Size of the error: ranges longer or shorter, positions in a random direction [m]."""
+    """Size of the error, of either sign or any direction [m]."""
 
 
 class Dropouts(Strict):
@@ -541,9 +535,7 @@ class SlipEpisodes(Strict):
     translation_factor: NonNegative = 1.0
     """Factor of the translation that odometry reports during an episode."""
     turn_radps: NonNegative = 0.0
-    """Turn rate added during an episode, left or right with equal probability; not both without
-    effect [rad/s].
-    """
+    """Turn rate added during an episode, left or right [rad/s]."""
 
     @model_validator(mode="after")
     def _has_an_effect(self) -> SlipEpisodes:
@@ -609,11 +601,9 @@ class Covered(Strict):
 
     kind: Literal["covered"] = "covered"
     from_deg: Annotated[float, Field(ge=-360.0, le=360.0)]
-    """First hidden angle, from straight ahead of the laser, counter-clockwise seen from above
-    [deg].
-    """
+    """First hidden angle, counter-clockwise from straight ahead [deg]."""
     to_deg: Annotated[float, Field(ge=-360.0, le=360.0)]
-    """Last hidden angle; `from_deg` < `to_deg`, and at most a full turn between them [deg]."""
+    """Last hidden angle, after `from_deg` [deg]."""
     from_s: NonNegative | None = None
     """First instant; with `to_s`; default: always [s]."""
     to_s: NonNegative | None = None
@@ -691,7 +681,7 @@ class Scenario(Strict):
     landmarks: dict[Name, Point2] = Field(default_factory=dict)
     """Landmarks in world [m]."""
     landmark_radius_m: NonNegative = 0.0
-    """Radius of all landmarks: discs that the laser sees and the map does not contain [m]."""
+    """Radius of all landmarks, discs that only the laser sees [m]."""
     landmark_height_m: float = 0.0
     """Height of all landmarks over z = 0 [m]."""
     tags: dict[Name, Point3] = Field(default_factory=_one_tag)
@@ -719,9 +709,7 @@ class Scenario(Strict):
     laser: LaserSensor | None = None
     """2D laser scanner; off by default. Needs a `map`."""
     lasers: dict[Name, LaserSensor] = Field(default_factory=dict)
-    """Several of them by name, in place of `laser`. The first scan of each of n comes 1/n of its
-    period after that of the one before.
-    """
+    """Several of them by name, in place of `laser`."""
     map: RoomMap | None = None
     """World that the laser sees; written into the log."""
     faults: list[Fault] = Field(default_factory=list)

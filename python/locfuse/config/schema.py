@@ -60,7 +60,7 @@ class Odometry(Strict):
     sigma_heading_per_sqrt_s: DriftSigma = struct.sigma_heading_per_sqrt_s
     """Heading, at any speed and at rest [rad/√s]."""
     sigma_longitudinal_per_sqrt_s: DriftSigma = struct.sigma_longitudinal_per_sqrt_s
-    """Along the heading only, at any speed and at rest, as from a speed error [m/√s]."""
+    """Along the heading, at any speed [m/√s]."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
 
@@ -110,8 +110,8 @@ class Position(Strict):
     antenna_left_m: float = struct.antenna_left_m
     """Antenna in body, to the left [m]."""
     sigma_m: NonNegative = struct.sigma_m
-    """Sigma of a fix [without a sigma of its own](filter.md#what-drivers-do-not-know); 0: such a
-    fix is not modelled [m].
+    """Sigma of a fix [without one of its own](filter.md#what-drivers-do-not-know); 0: it is not
+    modelled [m].
     """
     least_sigma_m: Positive = struct.least_sigma_m
     """Minimum sigma of any fix [m]."""
@@ -128,16 +128,16 @@ class Pose(Strict):
 
     struct: ClassVar = _core.PoseConfig()
     sigma_m: NonNegative = struct.sigma_m
-    """Position sigma of a pose without sigmas of its own; 0: its position is not modelled [m]."""
+    """Position sigma of a pose without one; 0: it is not modelled [m]."""
     sigma_heading_rad: NonNegative = struct.sigma_heading_rad
-    """Heading sigma of a pose without sigmas of its own; 0: its heading is not modelled [rad]."""
+    """Heading sigma of a pose without one; 0: it is not modelled [rad]."""
     least_sigma_m: Positive = struct.least_sigma_m
     """Minimum position sigma of any pose [m]."""
     least_sigma_heading_rad: Positive = struct.least_sigma_heading_rad
     """Minimum heading sigma of any pose [rad]."""
     shares_odometry: bool = struct.shares_odometry
-    """Whether the localizer, such as AMCL, goes by the same odometry, so that its stamps are as
-    late; else [how late they are](models/poses.md#3-another-localizer) is learnt.
+    """Whether the localizer uses the same odometry; else [its
+    delay](models/poses.md#3-another-localizer) is learnt.
     """
     gate: GateProbability = struct.gate
     """Probability that a good pose passes its gate; 1: no gate."""
@@ -168,9 +168,7 @@ class Adaptive(Strict):
     fixed: ClassVar = ("least", "most")
 
     messages: NonNegative = struct.messages
-    """Number of messages in the memory; 0: off, else at least 5: 200 for a sensor of constant
-    quality, fewer if it varies.
-    """
+    """Messages in the memory, such as 200; 0: off, else at least 5."""
 
     @model_validator(mode="after")
     def _more_than_an_echo(self) -> Adaptive:
@@ -222,7 +220,7 @@ class Calibration(Strict):
     sigma_anchor_offset_m: DriftSigma = struct.sigma_anchor_offset_m
     """Constant part of the range error of each anchor, beyond `anchors` [m]."""
     anchor_offset_correlation_s: NonNegative = struct.anchor_offset_correlation_s
-    """Correlation time of that offset, a Gauss-Markov process about 0; 0: it is constant [s]."""
+    """Correlation time of that offset; 0: it is constant [s]."""
     sigma_anchor_scale: DriftSigma = struct.sigma_anchor_scale
     """Proportional part of the range error of each anchor, beyond `anchors`."""
     sigma_range_delay_s: DriftSigma = struct.sigma_range_delay_s
@@ -263,9 +261,8 @@ class Cylinders(Strict):
     fixed: ClassVar = ("jump_gaps", "misfit_probability", "leg_radius_m")
 
     method: Literal["arcs", "closest_beam", "cone"] = "arcs"
-    """Detection. `arcs`: a circle is fitted to the beams; `closest_beam`: the centre is `radius_m`
-    behind the shortest of them; `cone`: [by the shortest
-    alone](models/landmarks.md#5-cylinders), no walls.
+    """Detection: [a circle fitted to the beams, or its shortest
+    beam](models/landmarks.md#which-method).
     """
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=1e9)] = struct.sigma_range_m
     """Range noise of one beam [m]."""
@@ -280,11 +277,9 @@ class Cylinders(Strict):
     least_beams: Annotated[int, Field(ge=1, le=10**9)] = struct.least_beams
     """Minimum number of beams on a cylinder."""
     least_evidence: Bounded = struct.least_evidence
-    """Minimum by which the chi-square of a straight wall exceeds that of the cylinder."""
+    """Minimum excess of the chi-square of a straight wall."""
     least_corner_evidence: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.least_corner_evidence
-    """Minimum by which the chi-square of a right-angled corner exceeds it; -20 for places without
-    boxes.
-    """
+    """The same of a right-angled corner; -20 for places without boxes."""
     leg_distance_m: Bounded = struct.leg_distance_m
     """Maximum distance between two legs; 0: nobody walks here [m]."""
     least_intensity: Bounded = struct.least_intensity
@@ -313,11 +308,9 @@ class LandmarkSlam(Strict):
     fixed: ClassVar = ("confirm_within_s",)
 
     use_map: bool = True
-    """Take the landmarks of the log as known and exact; false: all are mapped."""
+    """Whether the landmarks of the log are known."""
     gate_new: GateProbability = struct.gate_new
-    """Probability that a good sighting passes a wider gate, outside of which it is of a new
-    landmark; between the two gates it is rejected. At least `landmark.gate`.
-    """
+    """Probability of the gate outside of which a landmark is new; at least `landmark.gate`."""
     min_sightings: Annotated[int, Field(ge=1, le=10**9)] = struct.min_sightings
     """Number of sightings that confirm a landmark without a name."""
     max_landmarks: Annotated[int, Field(ge=0, le=10**6)] = struct.max_landmarks
@@ -348,9 +341,8 @@ class TagTriangle(Strict):
     renamed: ClassVar = {"gate_velocity": (0.999, "velocity.gate")}
 
     shape: Literal["soft", "rigid"] = "soft"
-    """`soft`: the 12 states of the paper, with the sides of the triangle as measurements; `rigid`:
-    one body on which the tags are lever arms, as `kind: pose` with the noise of `odometry`, and
-    none of the keys below.
+    """`soft`: the 12 states of the paper; `rigid`: one body, as `kind: pose`, and none of the keys
+    below.
     """
     sigma_velocity_per_sqrt_s: Positive = struct.motion.sigma_velocity_per_sqrt_s
     """White acceleration of each tag [m/s/√s]."""
@@ -359,7 +351,7 @@ class TagTriangle(Strict):
     sigma_side_m: Annotated[float, Field(ge=1e-4, le=1e6)] = struct.side.sigma_m
     """Sigma of the sides of the triangle [m]."""
     heading_is_known: bool = struct.heading_is_known
-    """Turn odometry into the world by a heading without error, as in the paper."""
+    """Take the heading of odometry as exact, as the paper does."""
 
     @model_validator(mode="after")
     def _rigid_has_no_more(self) -> TagTriangle:
@@ -391,13 +383,13 @@ class Air(Strict):
     renamed: ClassVar = {"gate_altitude": (0.999, "altitude.gate")}
 
     motion: Literal["odometry", "constant_velocity"] = "constant_velocity"
-    """What carries the body: odometry in the plane, or its velocity, where nobody measures it."""
+    """What moves the body: odometry in the plane, or constant velocity."""
     constant_velocity: ConstantVelocity = Field(default_factory=ConstantVelocity)
     """How the velocity changes; for `constant_velocity`."""
     sigma_height_per_sqrt_s: DriftSigma = struct.sigma_height_per_sqrt_s
     """Random walk of the height; for `odometry` [m/√s]."""
     start_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
-    """Height at the start; with `start: truth` that of the reference, if it has one [m]."""
+    """Height at the start; with `start: truth` the reference's [m]."""
     sigma_start_height_m: Annotated[float, Field(gt=0.0, le=1e9)] = 0.3
     """Sigma of that height [m]."""
     min_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.min_height_m
@@ -438,7 +430,7 @@ class Imu(Strict):
     fixed: ClassVar = ("sigma_bias_radps_per_sqrt_s", "sigma_scale", "sigma_turn_scale")
 
     turn: Literal["weighted", "average"] = "weighted"
-    """Turn by wheels and gyro: by their variances, or the mean of both, as zhang has it."""
+    """Turn by variances, or the mean of wheels and gyro."""
     sigma_turn_per_sqrt_s: Positive = struct.sigma_turn_per_sqrt_s
     """White noise of the gyro: heading error after a second [rad/√s]."""
     sigma_bias_radps: Positive = struct.sigma_bias_radps
@@ -462,9 +454,7 @@ class TagConditioner(Strict):
     max_speed_mps: Positive = struct.max_speed_mps
     """Maximum speed of a tag [m/s]."""
     jump_margin_m: Positive = struct.jump_margin_m
-    """A fix is rejected that is farther from the last than this beyond the distance at that speed:
-    four sigmas of their difference [m].
-    """
+    """Margin beyond the distance at that speed; farther fixes are rejected [m]."""
 
 
 class Estimator(Strict):
@@ -478,10 +468,9 @@ class Estimator(Strict):
     }
 
     kind: Kind = "pose"
-    """Estimator. `pose`: of position and heading; `landmark_slam`: [maps landmarks while it
-    localizes](models/landmarks.md#4-landmarks-as-state); `tag_triangle`: [positions and velocities
-    of three tags](models/poses.md#7-three-tags-as-twelve-states); `air`: [position, heading and
-    height](air.md).
+    """Estimator. `pose`: position and heading; `landmark_slam`: [and
+    landmarks](models/landmarks.md#4-landmarks-as-state); `tag_triangle`: [three
+    tags](models/poses.md#7-three-tags-as-twelve-states); `air`: [and height](air.md).
     """
     odometry: Odometry = Field(default_factory=Odometry)
     """Noise and latency of odometry."""
@@ -500,11 +489,11 @@ class Estimator(Strict):
     adaptive: Adaptive = Field(default_factory=Adaptive)
     """Variances that adapt to the innovations."""
     correlation_s: NonNegative = struct.correlation_s
-    """How long errors of a source stay; which part does is learnt. 0: they are independent [s]."""
+    """How long errors of a source stay; 0: they are independent [s]."""
     hold_s: Positive = struct.hold_s
     """Odometry timeout: the last motion is extrapolated for this time [s]."""
     sigma_lost_xy_per_sqrt_s: LostSigma = struct.sigma_lost_xy_per_sqrt_s
-    """Position process noise after the odometry timeout, or where there never is any [m/√s]."""
+    """Position process noise without odometry [m/√s]."""
     sigma_lost_heading_per_sqrt_s: LostSigma = struct.sigma_lost_heading_per_sqrt_s
     """Heading process noise after the odometry timeout [rad/√s]."""
     landmark_slam: LandmarkSlam = Field(default_factory=LandmarkSlam)
@@ -593,7 +582,7 @@ class Initializer(Strict):
     probability_ready: Annotated[float, Field(gt=0.5, lt=1.0)] = struct.probability_ready
     """Minimum probability of the pose for `ready`."""
     sigma_xy_ready_m: Positive = struct.sigma_xy_ready_m
-    """Maximum position sigma for `ready`, or that of the best fix where it is larger [m]."""
+    """Maximum position sigma for `ready`, or that of the best fix [m]."""
     sigma_heading_ready_rad: Positive = struct.sigma_heading_ready_rad
     """Maximum heading sigma for `ready` [rad]."""
 
@@ -645,8 +634,7 @@ class Switch(Strict):
 
     struct: ClassVar = _core.SwitchingMclConfig()
     sigma_unsure_m: Positive = struct.sigma_unsure_m
-    """Position sigma of the particles, along the largest axis, above which scans are suspect [m].
-    """
+    """Position sigma of the particles above which scans are suspect [m]."""
     sigma_sure_m: Positive = struct.sigma_sure_m
     """Position sigma below which they no longer are; at most `sigma_unsure_m` [m]."""
     sigma_unsure_rad: Positive = struct.sigma_unsure_rad
@@ -654,23 +642,19 @@ class Switch(Strict):
     sigma_sure_rad: Positive = struct.sigma_sure_rad
     """Heading sigma below which they no longer are; at most `sigma_unsure_rad` [rad]."""
     elsewhere_m: Positive = struct.elsewhere_m
-    """Scans are suspect if the particles are farther from the UWB pose than this and three sigmas
-    [m].
-    """
+    """Scans are suspect beyond this and three sigmas from the UWB pose [m]."""
     elsewhere_rad: Positive = struct.elsewhere_rad
     """The same for the heading [rad]."""
     doubt_s: Positive = struct.doubt_s
     """Time for which scans must be suspect until UWB takes over [s]."""
     uwb_sigma_m: Positive = struct.uwb_sigma_m
-    """Maximum position sigma of a UWB pose that is used; at most `sigma_sure_m` [m]."""
+    """Maximum position sigma of a used UWB pose; at most `sigma_sure_m` [m]."""
     uwb_sigma_rad: Positive = struct.uwb_sigma_rad
-    """Maximum heading sigma of a UWB pose that is used; at most `sigma_sure_rad` [rad]."""
+    """Maximum heading sigma of a used UWB pose; at most `sigma_sure_rad` [rad]."""
     uwb_age_s: Positive = struct.uwb_age_s
-    """Maximum time since the last fused range or position for a UWB pose that is used [s]."""
+    """Maximum time since the last fused range or position [s]."""
     uwb_nis: Positive = struct.uwb_nis
-    """Maximum mean NIS per row of about the last 50 ranges or positions for a UWB pose that is
-    used.
-    """
+    """Maximum mean NIS per row of the last 50 or so."""
     share: Annotated[float, Field(gt=0.0, le=1.0)] = struct.share
     """Fraction of the particles that are replaced."""
 
@@ -711,11 +695,9 @@ class Mcl(Strict):
     renamed: ClassVar = {"refine_up_to": (0, "proposal: scan_match")}
 
     poses_hz: Rate | None = None
-    """Rate at which estimates are given to the pose EKF as poses, which fuses everything else;
-    default: they are the estimate of the run [Hz].
-    """
+    """Rate of poses for the pose EKF; default: particles are the estimate [Hz]."""
     switch: Switch | None = None
-    """Ranges and positions do not weight particles, but relocalize them; also as `switch: {}`."""
+    """Ranges and positions relocalize particles instead of weighting them."""
     min_particles: Annotated[int, Field(ge=1, le=2**28)] = struct.min_particles
     """Minimum number of particles."""
     max_particles: Annotated[int, Field(ge=1, le=2**28)] = struct.max_particles
@@ -723,15 +705,14 @@ class Mcl(Strict):
     beams: Annotated[int, Field(ge=1, le=100_000)] = struct.beams
     """Number of returns of a scan that are used, evenly spaced."""
     independent_beams: Annotated[float, Field(ge=1e-3, le=1e6)] = struct.independent_beams
-    """Number of independent beams that they count as, since neighbours share errors of the map."""
+    """Number of independent beams that they count as."""
     independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = (
         struct.independent_beams_searching
     )
-    """Number of independent beams while several hypotheses remain: fewer discard none early."""
+    """The same during global localization."""
     proposal: Literal["odometry", "scan_match", "line_ekf", "line_ekf_paper"] = "odometry"
     """Where particles of a tracked robot [are
-    drawn](models/particles.md#drawing-where-the-scan-says): where odometry says, or also one
-    match of the scan, or for each particle the lines it sees.
+    drawn](models/particles.md#drawing-where-the-scan-says).
     """
     spacing_m: Annotated[float, Field(ge=0.0, le=1e6)] = struct.spacing_m
     """Minimum distance driven between two scans that are used [m]."""
@@ -760,8 +741,8 @@ class Mcl(Strict):
     sigma_widest_m: Annotated[float, Field(ge=0.0, le=1000.0)] = struct.sigma_widest_m
     """Maximum `sigma_hit_m` that is tried; the one that fits is used [m]."""
     likelihood: Literal["field", "beams", "zhang"] = "field"
-    """Likelihood of a scan: [where beams end](models/scans.md#3-likelihood-field), or [how far they
-    go](models/scans.md#4-beam-model), with `beam_model` or the mixture of zhang.
+    """Likelihood of a scan: [where beams end](models/scans.md#3-likelihood-field), or [how far
+    they go](models/scans.md#4-beam-model).
     """
     beam_model: BeamModel = Field(default_factory=BeamModel)
     """Beam model: how far beams go."""
@@ -872,9 +853,9 @@ class RunConfig(Strict):
     simulation: Scenario | None = None
     """Simulated messages instead of a log."""
     start: Start = "truth"
-    """Start pose. `truth`: the reference at the first message, or its first pose if that is later;
-    `auto`: [found without a prior](start.md); `srls_headings`: found
-    [from one set of ranges and one scan](start.md#sr-ls-and-headings) on a map [m, m, deg].
+    """Start pose. `truth`: the reference; `auto`: [found without a prior](start.md);
+    `srls_headings`: found [from one set of ranges and one scan](start.md#sr-ls-and-headings)
+    [m, m, deg].
     """
     start_sigma: StartSigma = Field(default_factory=StartSigma)
     """Uncertainty of the start pose."""
@@ -883,12 +864,12 @@ class RunConfig(Strict):
     use: Annotated[list[Source], Field(min_length=1)] = Field(default_factory=lambda: list(USABLE))
     """Sources that are fused; messages of the others are left out."""
     anchors: dict[Name, RangeError] = Field(default_factory=dict)
-    """Known errors of the ranges to an anchor; `all` holds for anchors that are not named."""
+    """Known range errors of an anchor; `all`: of those not named."""
     cylinders: Cylinders | None = None
     """Detect round objects in the scans as landmark observations."""
     scan_odometry: ScanOdometry | None = None
-    """Make the odometry [of scans](models/scans.md#as-the-odometry-of-a-run), with the
-    wheels, if there are any, as a guess.
+    """Make the odometry [of scans](models/scans.md#as-the-odometry-of-a-run), with wheels as a
+    guess.
     """
     imu: Imu = Field(default_factory=Imu)
     """How [a gyro and wheels](models/motion.md#2-gyro-and-wheels) measure turns, if there is a
@@ -904,7 +885,7 @@ class RunConfig(Strict):
     watch_poses: bool = False
     """Judge the poses of another localizer [by the estimate](watch.md) instead of fusing them."""
     when_lost: Literal["restart", "go_on"] = "restart"
-    """What an EKF does once it is lost: relocalize, or continue; `landmark_slam` continues."""
+    """What an EKF does once it is lost: relocalize, or continue."""
     smooth: bool = False
     """Estimate [all poses at once](smoothing.md), by all messages of the log."""
     mcl: Mcl | None = None
@@ -916,8 +897,8 @@ class RunConfig(Strict):
     history_messages: Annotated[int, Field(ge=512, le=1_000_000_000)] = 100_000
     """Maximum number of messages kept for late ones."""
     clock_jump: Literal["refuse", "reset", "continue"] = "refuse"
-    """When [the clock goes back](filter.md#a-clock-that-goes-back): reject messages as stale, start
-    again, or continue from the same pose.
+    """When [the clock goes back](filter.md#a-clock-that-goes-back): reject messages, start again,
+    or continue.
     """
     switched_off: list[SwitchedOff] = Field(default_factory=list)
     """Intervals in which a source is switched off."""
