@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write the Python rooms of docs/concepts.md from the import contract; --check compares."""
+"""Write the Python rooms of CONTRIBUTING.md from the import contract; --check compares."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ except ModuleNotFoundError:  # Python 3.10
     from pip._vendor import tomli as tomllib  # type: ignore[no-redef]
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGE, PAGE = ROOT / "python" / "locfuse", ROOT / "docs" / "concepts.md"
+PACKAGE, PAGE = ROOT / "python" / "locfuse", ROOT / "CONTRIBUTING.md"
 BEGIN, END = "<!-- rooms, by scripts/rooms.py -->\n", "<!-- end of the rooms -->\n"
 
 
