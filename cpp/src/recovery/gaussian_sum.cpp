@@ -80,10 +80,10 @@ bool are_within(double limit, const PoseEstimate& a, const PoseEstimate& b, bool
 
 double reduce(std::vector<GaussianComponent>& components,
               const std::function<PoseEkf(const PoseEstimate&)>& filter_at) {
-  std::sort(components.begin(), components.end(),
-            [](const GaussianComponent& a, const GaussianComponent& b) {
-              return a.log_weight > b.log_weight;
-            });
+  std::stable_sort(components.begin(), components.end(),
+                   [](const GaussianComponent& a, const GaussianComponent& b) {
+                     return a.log_weight > b.log_weight;
+                   });
   const double best = components.front().log_weight;
   std::vector<GaussianComponent> kept;
   std::vector<PoseEstimate> places;  // of those kept
