@@ -181,7 +181,7 @@ Examples
           },
           py::arg("scan"), py::arg("position"), Unlocked(),
           "Heading search of ekim2020, Table 1, at a position (2,) in world [m]: 36 headings, "
-          "nearest cells by PCL's kd-tree.")
+          "nearest cells by a kd-tree.")
       .def(
           "heading_search_by_lookup",
           [](const ScanMatcher& matcher, const LaserScan& scan, const Vector<2>& position) {

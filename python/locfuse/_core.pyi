@@ -1087,7 +1087,7 @@ class ScanMatcher:
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[2, 1]"],
     ) -> HeadingSearch:
         """
-        Heading search of ekim2020, Table 1, at a position (2,) in world [m]: 36 headings, nearest cells by PCL's kd-tree.
+        Heading search of ekim2020, Table 1, at a position (2,) in world [m]: 36 headings, nearest cells by a kd-tree.
         """
     def heading_search_by_lookup(
         self,

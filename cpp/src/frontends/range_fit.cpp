@@ -269,6 +269,26 @@ RangeFit<N> fit_ranges(const RangeLayout<N>& layout, const RangesView& ranges,
 }
 
 template <int N>
+RangeFit<N> fit_ranges_by(RangeMl ml, const RangeLayout<N>& layout, const RangesView& ranges,
+                          const Vector<N>& start, const RangeLoss& loss,
+                          const PositionPrior<N>& prior, const CeresOptions& options,
+                          std::string* termination) {
+  if (ml != RangeMl::kCeres) {
+    RangeFit<N> fit = fit_ranges<N>(layout, ranges, start, loss, prior);
+    if (termination != nullptr) {
+      *termination = fit.converged ? "converged: our own solver" : "our own solver took all steps";
+    }
+    return fit;
+  }
+  const bool robust = loss.kind != RangeLossKind::kNone;
+  const Vector<N> near =
+      robust ? fit_ranges<N>(layout, ranges, start, loss, prior).position : start;
+  RangeFit<N> fit = fit_ranges_ceres<N>(layout, ranges, near, loss, prior, options, termination);
+  fit.saddle = fit_ranges<N>(layout, ranges, fit.position, loss, prior).saddle;
+  return fit;
+}
+
+template <int N>
 bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit, RangeGain<N>& gain) {
   gain.resize(N, layout.size);
   const Eigen::LDLT<Matrix<N, N>> factor(fit.information);
@@ -288,6 +308,9 @@ bool range_fit_gain(const RangeLayout<N>& layout, const RangeFit<N>& fit, RangeG
 #define LOCFUSE_INSTANTIATE(N)                                                                   \
   template RangeFit<N> fit_ranges<N>(const RangeLayout<N>&, const RangesView&, const Vector<N>&, \
                                      const RangeLoss&, const PositionPrior<N>&);                 \
+  template RangeFit<N> fit_ranges_by<N>(                                                         \
+      RangeMl, const RangeLayout<N>&, const RangesView&, const Vector<N>&, const RangeLoss&,     \
+      const PositionPrior<N>&, const CeresOptions&, std::string*);                               \
   template bool range_fit_gain<N>(const RangeLayout<N>&, const RangeFit<N>&, RangeGain<N>&);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "locfuse/frontends/scan_map.hpp"
 
-#include <pcl/kdtree/kdtree_flann.h>
-#include <pcl/point_types.h>
-
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
 
+#include "frontends/kd_tree.hpp"
 #include "maps/given.hpp"
 
 namespace locfuse {
@@ -184,46 +182,41 @@ ScanMap::CompactLine compact(const ScanMap::WallLine& line) {
           static_cast<float>(line.run)};
 }
 
-pcl::PointXYZ to_pcl(const Vector<2>& p) {
-  return {static_cast<float>(p.x()), static_cast<float>(p.y()), 0.0F};
+/// In the field frame, in cells: a float would not resolve world coordinates far away.
+std::vector<Vector<2>> centers_of(const DistanceField& occupied) {
+  std::vector<Vector<2>> centers;
+  centers.reserve(static_cast<std::size_t>(occupied.targets()));
+  for (int i = 0; i < occupied.targets(); ++i) {
+    centers.push_back(occupied.center(i));
+  }
+  return centers;
 }
 
 }  // namespace
 
-/// Tree over the field frame, in cells: a float would not resolve world coordinates far away.
-struct ScanMap::Tree {
-  pcl::KdTreeFLANN<pcl::PointXYZ> tree{false};
-};
-
 ScanMap::ScanMap(const std::shared_ptr<const OccupancyGrid>& grid)
     : occupied_(internal::given(grid, "ScanMap"), kMargin, DistanceField::Extra::kSurroundings),
       surface_(grid, surface_cells(*grid), kMargin, DistanceField::Extra::kNearestTargets),
-      tree_(std::make_unique<Tree>()) {
+      tree_(std::make_unique<internal::KdTree>(centers_of(occupied_))) {
   const LineFit fit(surface_);
   lines_.reserve(static_cast<std::size_t>(surface_.targets()));
   for (int i = 0; i < surface_.targets(); ++i) {
     lines_.push_back(fit.line_at(i));
     compact_lines_.push_back(compact(lines_.back()));
   }
-  const pcl::PointCloud<pcl::PointXYZ>::Ptr cloud(new pcl::PointCloud<pcl::PointXYZ>);
-  for (int i = 0; i < occupied_.targets(); ++i) {
-    cloud->push_back(to_pcl(occupied_.center(i)));
-  }
-  tree_->tree.setInputCloud(cloud);
 }
 
 ScanMap::~ScanMap() = default;
 
 double ScanMap::nearest_by_kdtree(const Vector<2>& p_world) const {
   const Vector<2> p = occupied_.to_field(p_world);
-  if (!(p.cwiseAbs().maxCoeff() < 1e6)) {  // FLANN's float squares must not overflow
+  if (!(p.cwiseAbs().maxCoeff() < 1e6)) {  // squares of floats must not overflow
     throw std::invalid_argument("position is (" + std::to_string(p_world.x()) + ", " +
                                 std::to_string(p_world.y()) +
                                 ") m, expected less than a million cells from the map");
   }
-  std::vector<int> index(1);
-  std::vector<float> squared(1);
-  tree_->tree.nearestKSearch(to_pcl(p), 1, index, squared);
+  std::vector<int> index;
+  tree_->nearest({p}, index);
   const double distance = (occupied_.center(index[0]) - p).norm();
   return grid().resolution() * distance;
 }

@@ -24,7 +24,17 @@ int main() {
       }
     }
   }
-  // Symbols of the PCL libraries must be found, too.
+#ifdef WITHOUT_CERES
+  try {
+    (void)locfuse::smooth({}, {}, {}, {});
+    return 4;
+  } catch (const std::invalid_argument& error) {
+    if (std::string(error.what()).find("LOCFUSE_WITH_CERES") == std::string::npos) {
+      return 5;
+    }
+  }
+#endif
+  // Of a kd-tree, symbols of the PCL libraries must be found, too.
   const auto grid = std::make_shared<locfuse::OccupancyGrid>(
       2, 1, 1.0, locfuse::Pose2{},
       std::vector<locfuse::Cell>{locfuse::Cell::kFree, locfuse::Cell::kOccupied});

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# cmake -D WAY=<installed|as_subdirectory|with_other_options> ... -P run.cmake: configures, builds and
-# runs the consumer.
-cmake_minimum_required(VERSION 3.25)
+# cmake -D WAY=<installed|as_subdirectory|with_other_options|without_pcl_and_ceres> ... -P run.cmake: configures,
+# builds and runs the consumer.
+cmake_minimum_required(VERSION 3.22)
 
 function(run)
   execute_process(COMMAND ${ARGV} COMMAND_ECHO STDOUT COMMAND_ERROR_IS_FATAL ANY)
@@ -12,7 +12,7 @@ if(WAY MATCHES "^(installed|with_other_options)$")
   run(${CMAKE_COMMAND} --install ${LOCFUSE_BINARY_DIR} --prefix ${WORK_DIR}/built --component cpp)
   file(RENAME ${WORK_DIR}/built ${WORK_DIR}/prefix) # absolute paths of the first prefix must not be used
   set(where -D CMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
-elseif(WAY STREQUAL "as_subdirectory")
+elseif(WAY MATCHES "^(as_subdirectory|without_pcl_and_ceres)$")
   # With the options of this build and the same depth below the sources, the whole library is in the
   # compiler cache.
   set(
@@ -22,8 +22,14 @@ elseif(WAY STREQUAL "as_subdirectory")
     -DLOCFUSE_BUILD_FUZZERS=${FUZZERS}
     -DLOCFUSE_WERROR=${WERROR}
   )
+  if(WAY STREQUAL "without_pcl_and_ceres")
+    list(APPEND where -DLOCFUSE_WITH_PCL=OFF -DLOCFUSE_WITH_CERES=OFF)
+  endif()
 else()
-  message(FATAL_ERROR "WAY is '${WAY}', expected installed, as_subdirectory or with_other_options")
+  message(
+    FATAL_ERROR
+    "WAY is '${WAY}', expected installed, as_subdirectory, with_other_options or without_pcl_and_ceres"
+  )
 endif()
 
 run(

@@ -8,6 +8,10 @@
 
 namespace locfuse {
 
+namespace internal {
+class KdTree;
+}
+
 /// Map prepared for laser scans. Immutable; share it by std::shared_ptr<const ScanMap>.
 ///
 /// Two distance fields: of the occupied cells, for the heading search, and of the surface cells,
@@ -47,18 +51,16 @@ class ScanMap {
   [[nodiscard]] const std::vector<WallLine>& lines() const { return lines_; }
   [[nodiscard]] const std::vector<CompactLine>& compact_lines() const { return compact_lines_; }
 
-  /// Distance [m] from a point in world to the centre of the nearest occupied cell, by PCL's
+  /// Distance [m] from a point in world to the centre of the nearest occupied cell, by a
   /// kd-tree in single precision: exact to a micrometre on maps of 100 m.
   [[nodiscard]] double nearest_by_kdtree(const Vector<2>& p_world) const;
 
  private:
-  struct Tree;
-
   DistanceField occupied_;
   DistanceField surface_;
   std::vector<WallLine> lines_;
   std::vector<CompactLine> compact_lines_;
-  std::unique_ptr<Tree> tree_;
+  std::unique_ptr<internal::KdTree> tree_;
 };
 
 }  // namespace locfuse

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frontends/line_cloud.hpp"
-
 #include <pcl/kdtree/kdtree_flann.h>
 #include <pcl/point_types.h>
 
-#include <utility>
+#include "frontends/kd_tree.hpp"
 
 namespace locfuse::internal {
 namespace {
@@ -15,26 +13,25 @@ pcl::PointXYZ to_pcl(const Vector<2>& p) {
 
 }  // namespace
 
-struct LineCloud::Tree {
+struct KdTree::Tree {
   pcl::KdTreeFLANN<pcl::PointXYZ> tree{false};
 };
 
-LineCloud::LineCloud(std::vector<LinePoint> points)
-    : points_(std::move(points)), tree_(std::make_unique<Tree>()) {
-  if (points_.empty()) {  // PCL builds no tree of an empty cloud
+KdTree::KdTree(const std::vector<Vector<2>>& points) : tree_(std::make_unique<Tree>()) {
+  if (points.empty()) {  // PCL builds no tree of an empty cloud
     return;
   }
   const pcl::PointCloud<pcl::PointXYZ>::Ptr cloud(new pcl::PointCloud<pcl::PointXYZ>);
-  cloud->reserve(points_.size());
-  for (const LinePoint& point : points_) {
-    cloud->push_back(to_pcl(point.foot));
+  cloud->reserve(points.size());
+  for (const Vector<2>& point : points) {
+    cloud->push_back(to_pcl(point));
   }
   tree_->tree.setInputCloud(cloud);
 }
 
-LineCloud::~LineCloud() = default;
+KdTree::~KdTree() = default;
 
-void LineCloud::nearest(const std::vector<Vector<2>>& places, std::vector<int>& found) const {
+void KdTree::nearest(const std::vector<Vector<2>>& places, std::vector<int>& found) const {
   std::vector<int> index(1);
   std::vector<float> squared(1);
   found.clear();
