@@ -22,6 +22,10 @@ step env MYPYPATH=ros1/locfuse_ros/src:tests/ros "$bin/mypy" ros1/locfuse_ros/sr
 # By itself, too: its conftest.py is not the only one.
 step env MYPYPATH=tests/browser "$bin/mypy" tests/browser/*.py
 step "$bin/codespell"
+step "$bin/check-jsonschema" --builtin-schema vendor.github-workflows .github/workflows/*.yml
+step "$bin/check-jsonschema" --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*.yml
+step "$bin/check-jsonschema" --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+step "$bin/check-jsonschema" --builtin-schema vendor.dependabot .github/dependabot.yml
 step "$bin/lint-imports" --no-logo
 step sh scripts/stubs.sh "$bin" --check
 # Without precompiled headers, which are of another compiler than clang-tidy, and source by source.
