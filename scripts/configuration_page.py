@@ -7,6 +7,7 @@ Headings, prose and the column "allowed" are kept; a test compares it with the s
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from locfuse.config import ros, scenario, schema
-from locfuse.config.base import Strict, description, is_tag, options
+from locfuse.config.base import Strict, description, is_tag
 
 CONFIGURATION = Path(__file__).parents[1] / "docs" / "configuration.md"
 FIRST = "## First keys"
@@ -113,24 +114,15 @@ def configuration_page() -> str:
         if line.startswith("#"):
             model = SECTIONS.get(line)
             is_first = line == FIRST
-        elif line.startswith("|---") and is_first:
-            written += map(_first_row, schema.BASIC)
-            line = next(lines)
-            while line.startswith("|"):
-                line = next(lines)
-            written.append(line)
+        elif line.startswith("`log`") and is_first:
+            del written[-1]
+            written += textwrap.wrap(", ".join(f"`{path}`" for path in schema.BASIC) + ".", 128)
+            while next(lines):
+                pass
+            written.append("")
         elif line.startswith("|---") and model is not None:
             written += _rows(model, lines)
     return "\n".join(written) + "\n"
-
-
-def _first_row(path: str) -> str:
-    *sections, key = path.split(".")
-    model: type[Strict] = schema.RunConfig
-    for section in sections:
-        (model,) = (one for one in options(model.model_fields[section].annotation)
-                    if isinstance(one, type) and issubclass(one, Strict))  # fmt: skip
-    return f"| `{path}` | {_meaning(model, key)} |"
 
 
 def _meaning(model: type[Strict], key: str) -> str:

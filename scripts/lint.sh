@@ -11,8 +11,10 @@ step() {
 }
 
 step python3 scripts/check_layers.py
-git ls-files '*.hpp' '*.cpp' | step xargs clang-format --dry-run --Werror
-git ls-files '*CMakeLists.txt' '*.cmake' | step xargs "$bin/gersemi" --check
+sources=$(git ls-files '*.hpp' '*.cpp') # not in a pipe, where nobody would see git fail
+echo "$sources" | step xargs clang-format --dry-run --Werror
+sources=$(git ls-files '*CMakeLists.txt' '*.cmake')
+echo "$sources" | step xargs "$bin/gersemi" --check
 step "$bin/ruff" format --check --quiet .
 step "$bin/ruff" check --quiet .
 step "$bin/mypy" python/locfuse scripts papers examples/python benchmarks/run.py benchmarks/rows.py benchmarks/python tests/python tests/papers
@@ -33,4 +35,5 @@ cmake -S . -B build/lint -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_EXPORT_COMPIL
   -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DLOCFUSE_BUILD_BENCHMARKS=ON \
   -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DLOCFUSE_UNITY_BUILD=OFF >/dev/null
 # Benchmarks, too, which no other check compiles.
-git ls-files 'cpp/src/*.cpp' 'benchmarks/cpp/bench_*.cpp' | step xargs "$bin/python" scripts/tidy.py build/lint
+sources=$(git ls-files 'cpp/src/*.cpp' 'benchmarks/cpp/bench_*.cpp')
+echo "$sources" | step xargs "$bin/python" scripts/tidy.py build/lint

@@ -16,7 +16,7 @@ make_toolchain() { # x86_64 or aarch64
     target=
     case $tool in c*) target="-target $1-linux-gnu.$glibc" ;; esac
     # The version is here for ccache, which looks at this file and not behind it.
-    printf '#!/bin/sh\n# zig %s\nexec %s %s %s "$@"\n' "$("$zig" version)" "$zig" "$tool" "$target" >"$tools/zig-$tool"
+    printf '#!/bin/sh\n# zig %s\nexec "%s" %s %s "$@"\n' "$("$zig" version)" "$zig" "$tool" "$target" >"$tools/zig-$tool"
     chmod +x "$tools/zig-$tool"
   done
   cat >"$tools/toolchain.cmake" <<END
@@ -45,13 +45,17 @@ fetch_ceres() {
   mkdir -p "$apt/lists/partial" "$apt/cache/archives/partial"
   apt-get indextargets --format 'deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $(SITE) bookworm main' \
     'Created-By: Packages' 'Component: main' | grep '/debian bookworm' | sort -u | head -n 1 >"$apt/sources.list"
+  [ -s "$apt/sources.list" ] || fail "apt has no archive of Debian in its sources, where those of Ceres would be"
   options="-o Dir::Etc::SourceList=$apt/sources.list -o Dir::Etc::SourceParts=/dev/null
     -o Dir::State::Lists=$apt/lists -o Dir::Cache=$apt/cache"
   # shellcheck disable=SC2086
   quietly "apt-get did not get the list of Debian's sources" apt-get $options update
   # shellcheck disable=SC2086
   (cd build/wheel && quietly "apt-get did not get the sources of Ceres" apt-get $options source --download-only ceres-solver)
-  tar -C build/wheel -xf build/wheel/ceres-solver_*.orig.tar.*
+  rm -rf build/wheel/unpacked
+  mkdir build/wheel/unpacked
+  tar -C build/wheel/unpacked -xf build/wheel/ceres-solver_*.orig.tar.*
+  mv build/wheel/unpacked/* build/wheel
 }
 
 # A static Ceres in build/wheel/ARCH, that solves by Eigen and logs nothing.
@@ -82,23 +86,36 @@ wheel_options() { # x86_64 or aarch64
 
 # The texts of the licences of what is inside a wheel, which it carries.
 collect_licences() {
+  rm -rf build/wheel/licences
   mkdir -p build/wheel/licences
-  zig_library=$($venv/bin/python -c 'import ziglang; print(ziglang.__path__[0])')/lib
+  zig_folder=$($venv/bin/python -c 'import ziglang; print(ziglang.__path__[0])')
   cp build/wheel/ceres-solver-*/LICENSE build/wheel/licences/Ceres
-  cp /usr/share/doc/libeigen3-dev/copyright build/wheel/licences/Eigen
+  cp /usr/share/doc/libeigen3-dev/copyright build/wheel/licences/Eigen # of which -DEIGEN_MPL2_ONLY takes what is MPL
   cp /usr/share/doc/libnanoflann-dev/copyright build/wheel/licences/nanoflann
-  cp "$(readlink -f /usr/share/doc/libboost1*-dev/copyright | head -n 1)" build/wheel/licences/Boost
-  cp "$zig_library/libcxx/LICENSE.TXT" build/wheel/licences/libc++
+  awk '/^License: BSL-1.0$/ { getline; if (/^ /) { found = 1; print; next } } found && /^ / { print; next } found { exit }' \
+    /usr/share/doc/libboost1*-dev/copyright >build/wheel/licences/Boost
+  cp "$zig_folder/lib/libcxx/LICENSE.TXT" build/wheel/licences/libc++
+  cp "$zig_folder/lib/libunwind/LICENSE.TXT" build/wheel/licences/libunwind
+  cp "$zig_folder/LICENSE" build/wheel/licences/compiler_rt
   cp "$($venv/bin/python -c 'import pybind11; print(pybind11.__path__[0])')"-*.dist-info/licenses/LICENSE \
     build/wheel/licences/pybind11
+  grep -q "Boost Software License" build/wheel/licences/Boost || fail "the licence of Boost was not found"
 }
 
-# The Pythons of this machine that locfuse supports, one for each version.
+# The Pythons that wheels are for: $WHEEL_PYTHON, or those of this machine that locfuse supports, one for each version.
 pythons() {
+  if [ -n "${WHEEL_PYTHON:-}" ]; then
+    echo "$WHEEL_PYTHON"
+    return
+  fi
   for version in 3.10 3.11 3.12 3.13 3.14; do
     for found in "/usr/bin/python$version" "/usr/local/bin/python$version" \
-      "${PYENV_ROOT:-$HOME/.pyenv}"/versions/"$version".*/bin/python; do
-      if "$found" -c 'import sysconfig, os, venv; os.stat(sysconfig.get_path("include") + "/Python.h")' 2>/dev/null; then
+      "${PYENV_ROOT:-$HOME/.pyenv}"/versions/"$version".*/bin/python \
+      "$HOME"/.local/share/uv/python/cpython-"$version".*/bin/python"$version"; do
+      if "$found" -c '
+import ensurepip, os, sys, sysconfig, venv
+os.stat(sysconfig.get_path("include") + "/Python.h")
+assert sys.implementation.name == "cpython" and not sysconfig.get_config_var("Py_GIL_DISABLED")' 2>/dev/null; then
         echo "$found"
         break
       fi
@@ -128,29 +145,36 @@ build_wheel() { # x86_64 or aarch64, Python
     "--config-settings=cmake.define.CMAKE_MODULE_LINKER_FLAGS=-Wl,--gc-sections"
 }
 
-build_wheels() { # x86_64, aarch64, both by default; with PYTHON that one only
+build_wheels() { # x86_64, aarch64, both by default
   [ $# -gt 0 ] || set -- x86_64 aarch64
   need_base
   need_python "$(requirements wheel)"
   export CCACHE_COMPILERTYPE=clang
+  [ -n "$(pythons)" ] || fail "there is no CPython 3.10 to 3.14 with its headers here; WHEEL_PYTHON names one"
+  mkdir -p $wheels
   for arch in "$@"; do
     case $arch in x86_64 | aarch64) ;; *) fail "expected x86_64 or aarch64, got $arch" ;; esac
     make_toolchain "$arch"
     build_ceres "$arch"
     collect_licences
-    for found in ${PYTHON:-$(pythons)}; do
-      build_wheel "$arch" "$found"
+    rm -f $wheels/*"_$arch.whl"
+    pythons | while read -r found; do
+      build_wheel "$arch" "$found" </dev/null
+    done || exit 1
+    for wheel in $wheels/*"_$arch.whl"; do
+      check_wheel "$wheel"
     done
   done
-  for wheel in "$wheels"/*.whl; do
-    policy=$($venv/bin/auditwheel show "$wheel" | tr '\n' ' ')
-    case $policy in
-    *"is consistent with the following platform tag: \"manylinux_$(echo $glibc | tr . _)_"*) ;;
-    *) fail "auditwheel objects to $wheel: $policy" ;;
-    esac
-    [ "$(wc -c <"$wheel")" -le 6000000 ] || fail "$wheel is larger than 6 MB"
-    ls -l "$wheel"
-  done
+}
+
+check_wheel() { # file
+  policy=$($venv/bin/auditwheel show "$1" | tr '\n' ' ')
+  case $policy in
+  *"is consistent with the following platform tag: \"manylinux_$(echo $glibc | tr . _)_"*) ;;
+  *) fail "auditwheel objects to $1: $policy" ;;
+  esac
+  [ "$(wc -c <"$1")" -le 6000000 ] || fail "$1 is larger than 6 MB"
+  ls -l "$1"
 }
 
 # Each wheel for this processor in an empty environment and folder, as a user has it: the demo, the help of every
@@ -159,10 +183,9 @@ test_wheels() {
   for wheel in "$wheels"/*"$(uname -m)".whl; do
     [ -e "$wheel" ] || fail "there is no wheel in $wheels: ./dev wheel"
     tag=$(basename "$wheel" | cut -d- -f3)
-    found=
-    for candidate in ${PYTHON:-$(pythons)}; do
-      [ "$("$candidate" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')" != "$tag" ] || found=$candidate
-    done
+    found=$(pythons | while read -r candidate; do
+      [ "$("$candidate" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')" != "$tag" ] || echo "$candidate"
+    done)
     [ -n "$found" ] || fail "there is no Python for $wheel"
     empty=$PWD/build/wheel/empty-$tag
     rm -rf "$empty" && mkdir -p "$empty/folder"

@@ -2,6 +2,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <nanoflann.hpp>
+#include <utility>
 
 #include "frontends/kd_tree.hpp"
 
@@ -30,7 +31,9 @@ using Index = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<f
 struct KdTree::Tree {
   explicit Tree(Points given)
       : points(std::move(given)), index(2, points, nanoflann::KDTreeSingleIndexAdaptorParams(15)) {
+#if NANOFLANN_VERSION < 0x142  // the constructor of later ones does
     index.buildIndex();
+#endif
   }
 
   Points points;
