@@ -31,9 +31,21 @@ step "$bin/check-jsonschema" --builtin-schema vendor.dependabot .github/dependab
 step "$bin/lint-imports" --no-logo
 step sh scripts/stubs.sh "$bin" --check
 # Without precompiled headers, which are of another compiler than clang-tidy, and source by source.
-cmake -S . -B build/lint -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
-  -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DLOCFUSE_BUILD_BENCHMARKS=ON \
-  -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DLOCFUSE_UNITY_BUILD=OFF >/dev/null
+to_check() { # folder, CMake options
+  folder=$1
+  shift
+  cmake -S . -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DCMAKE_EXPORT_COMPILE_COMMANDS=ON \
+    -DLOCFUSE_BUILD_TESTS=OFF -DLOCFUSE_BUILD_EXAMPLES=OFF -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON \
+    -DLOCFUSE_UNITY_BUILD=OFF "$@" >/dev/null
+}
+without="cpp/src/frontends/kd_tree_nanoflann.cpp cpp/src/without_ceres.cpp"
+to_check build/lint-without -DLOCFUSE_WITH_PCL=OFF -DLOCFUSE_WITH_CERES=OFF
+# shellcheck disable=SC2086
+step "$bin/python" scripts/tidy.py build/lint-without $without
 # Benchmarks, too, which no other check compiles.
+to_check build/lint -DLOCFUSE_BUILD_BENCHMARKS=ON
 sources=$(git ls-files 'cpp/src/*.cpp' 'benchmarks/cpp/bench_*.cpp')
+for source in $without; do
+  sources=$(echo "$sources" | grep -vx "$source")
+done
 echo "$sources" | step xargs "$bin/python" scripts/tidy.py build/lint
