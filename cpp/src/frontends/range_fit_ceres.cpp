@@ -169,9 +169,9 @@ RangeFit<N> fit_ranges_ceres(const RangeLayout<N>& layout, const RangesView& ran
   return fit;
 }
 
-#define LOCFUSE_INSTANTIATE(N)                                                               \
-  template RangeFit<N> fit_ranges_ceres<N>(                                                  \
-      const RangeLayout<N>&, const RangesView&, const Vector<N>&, const RangeLoss&,          \
+#define LOCFUSE_INSTANTIATE(N)                                                      \
+  template RangeFit<N> fit_ranges_ceres<N>(                                         \
+      const RangeLayout<N>&, const RangesView&, const Vector<N>&, const RangeLoss&, \
       const PositionPrior<N>&, const CeresOptions&, std::string*);
 LOCFUSE_INSTANTIATE(2)
 LOCFUSE_INSTANTIATE(3)
