@@ -32,9 +32,15 @@ namespace locfuse::testing {
 [[nodiscard]] inline std::size_t held_bytes() {
 #if LOCFUSE_ADDRESS_SANITIZER
   return __sanitizer_get_current_allocated_bytes();
-#else
+#elif __GLIBC_PREREQ(2, 33)
   const struct mallinfo2 heap = mallinfo2();
   return heap.uordblks + heap.hblkhd;
+#else
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"  // its successor is not there yet
+  const struct mallinfo heap = mallinfo();
+#pragma GCC diagnostic pop
+  return static_cast<std::size_t>(heap.uordblks) + static_cast<std::size_t>(heap.hblkhd);
 #endif
 }
 
