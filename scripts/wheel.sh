@@ -72,8 +72,9 @@ build_ceres() { # x86_64 or aarch64
   quietly "Ceres does not build" cmake --build "build/wheel/$1/ceres" --target install
 }
 
-# No debugging, and of Eigen nothing that is not under the MPL; what nobody calls is left out. Nothing that needs
-# zig's runtime, which has a sine and an exponential of its own that would be taken for those of the C library.
+# No debugging, and of Eigen nothing that is not under the MPL; what nobody calls is left out. On x86-64
+# nothing needs zig's runtime, whose sine and exponential would be taken in place of the C library's; on aarch64, where
+# Boost computes quantiles in long doubles that are emulated, they are.
 wheel_flags="-g0 -DEIGEN_MPL2_ONLY -ffunction-sections -fdata-sections -fcomplex-arithmetic=improved"
 
 # How CMake builds the library for a kind of processor.
