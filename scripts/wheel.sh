@@ -6,12 +6,30 @@
 
 wheels=build/wheels # the results; what they are built of is in build/wheel
 glibc=2.17
+platform=manylinux_2_17 # the tag of that
+
+# What both wheels and tests need first: in build/wheel/ARCH a compiler, headers and Ceres.
+prepare() { # x86_64 or aarch64
+  need_base
+  need_python "$(requirements wheel)"
+  export CCACHE_COMPILERTYPE=clang
+  make_toolchain "$1"
+  build_ceres "$1"
+}
+
+folder_of() { # Python module
+  $venv/bin/python -c "import $1; print($1.__path__[0])"
+}
+
+tag_of() { # Python
+  "$1" -c 'import sys; print("cp%d%d" % sys.version_info[:2])'
+}
 
 # A compiler for a kind of processor, as CMake wants it: build/wheel/ARCH/toolchain.cmake.
 make_toolchain() { # x86_64 or aarch64
   tools=$PWD/build/wheel/$1
   mkdir -p "$tools/include"
-  zig=$($venv/bin/python -c 'import os, ziglang; print(os.path.join(ziglang.__path__[0], "zig"))')
+  zig=$(folder_of ziglang)/zig
   for tool in cc c++ ar ranlib; do
     target=
     case $tool in c*) target="-target $1-linux-gnu.$glibc" ;; esac
@@ -89,7 +107,7 @@ wheel_options() { # x86_64 or aarch64
 collect_licences() {
   rm -rf build/wheel/licences
   mkdir -p build/wheel/licences
-  zig_folder=$($venv/bin/python -c 'import ziglang; print(ziglang.__path__[0])')
+  zig_folder=$(folder_of ziglang)
   cp build/wheel/ceres-solver-*/LICENSE build/wheel/licences/Ceres
   cp /usr/share/doc/libeigen3-dev/copyright build/wheel/licences/Eigen # of which -DEIGEN_MPL2_ONLY takes what is MPL
   cp /usr/share/doc/libnanoflann-dev/copyright build/wheel/licences/nanoflann
@@ -98,7 +116,7 @@ collect_licences() {
   cp "$zig_folder/lib/libcxx/LICENSE.TXT" build/wheel/licences/libc++
   cp "$zig_folder/lib/libunwind/LICENSE.TXT" build/wheel/licences/libunwind
   cp "$zig_folder/LICENSE" build/wheel/licences/compiler_rt
-  cp "$($venv/bin/python -c 'import pybind11; print(pybind11.__path__[0])')"-*.dist-info/licenses/LICENSE \
+  cp "$(folder_of pybind11)"-*.dist-info/licenses/LICENSE \
     build/wheel/licences/pybind11
   grep -q "Boost Software License" build/wheel/licences/Boost || fail "the licence of Boost was not found"
 }
@@ -125,7 +143,7 @@ assert sys.implementation.name == "cpython" and not sysconfig.get_config_var("Py
 }
 
 build_wheel() { # x86_64 or aarch64, Python
-  tag=$("$2" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
+  tag=$(tag_of "$2")
   own=build/wheel/$tag
   [ -x "$own/bin/python" ] || quietly "python3 -m venv failed" "$2" -m venv "$own"
   # shellcheck disable=SC2046
@@ -141,22 +159,18 @@ build_wheel() { # x86_64 or aarch64, Python
   CMAKE_GENERATOR=Ninja quietly "the wheel does not build" "$own/bin/python" -m pip wheel . --verbose \
     --no-build-isolation --no-deps --wheel-dir $wheels $settings \
     --config-settings=build-dir="build/wheel/$1/$tag" \
-    --config-settings=wheel.tags="$tag-$tag-manylinux_$(echo $glibc | tr . _)_$1" \
+    --config-settings=wheel.tags="$tag-$tag-${platform}_$1" \
     "--config-settings=cmake.define.CMAKE_CXX_FLAGS=$wheel_flags -isystem $PWD/build/wheel/$1/include" \
     "--config-settings=cmake.define.CMAKE_MODULE_LINKER_FLAGS=-Wl,--gc-sections"
 }
 
 build_wheels() { # x86_64, aarch64, both by default
   [ $# -gt 0 ] || set -- x86_64 aarch64
-  need_base
-  need_python "$(requirements wheel)"
-  export CCACHE_COMPILERTYPE=clang
   [ -n "$(pythons)" ] || fail "there is no CPython 3.10 to 3.14 with its headers here; WHEEL_PYTHON names one"
   mkdir -p $wheels
   for arch in "$@"; do
     case $arch in x86_64 | aarch64) ;; *) fail "expected x86_64 or aarch64, got $arch" ;; esac
-    make_toolchain "$arch"
-    build_ceres "$arch"
+    prepare "$arch"
     collect_licences
     rm -f $wheels/*"_$arch.whl"
     pythons | while read -r found; do
@@ -171,7 +185,7 @@ build_wheels() { # x86_64, aarch64, both by default
 check_wheel() { # file
   policy=$($venv/bin/auditwheel show "$1" | tr '\n' ' ')
   case $policy in
-  *"is consistent with the following platform tag: \"manylinux_$(echo $glibc | tr . _)_"*) ;;
+  *"is consistent with the following platform tag: \"${platform}_"*) ;;
   *) fail "auditwheel objects to $1: $policy" ;;
   esac
   [ "$(wc -c <"$1")" -le 6000000 ] || fail "$1 is larger than 6 MB"
@@ -185,7 +199,7 @@ test_wheels() {
     [ -e "$wheel" ] || fail "there is no wheel in $wheels: ./dev wheel"
     tag=$(basename "$wheel" | cut -d- -f3)
     found=$(pythons | while read -r candidate; do
-      [ "$("$candidate" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')" != "$tag" ] || echo "$candidate"
+      [ "$(tag_of "$candidate")" != "$tag" ] || echo "$candidate"
     done)
     [ -n "$found" ] || fail "there is no Python for $wheel"
     empty=$PWD/build/wheel/empty-$tag
@@ -193,7 +207,8 @@ test_wheels() {
     began=$(date +%s)
     quietly "python3 -m venv failed" "$found" -m venv "$empty/venv"
     quietly "pip could not install the wheel" "$empty/venv/bin/python" -m pip install --progress-bar off "$wheel[plots]"
-    (cd "$empty/folder" && quietly "locfuse demo failed" ../venv/bin/locfuse demo && [ -s out/demo/report.html ])
+    (cd "$empty/folder" && quietly "locfuse demo failed" ../venv/bin/locfuse demo && [ -s out/demo/report.html ]) ||
+      fail "locfuse demo wrote no report"
     echo "$tag: demo after $(($(date +%s) - began)) s from an empty environment"
     for command in $("$empty/venv/bin/python" -c 'from locfuse.cli.app import COMMANDS; print(*COMMANDS)'); do
       "$empty/venv/bin/locfuse" "$command" --help >/dev/null || fail "locfuse $command --help failed"
@@ -207,12 +222,8 @@ test_wheels() {
 
 # All C++ tests but those that build another project, compiled for aarch64 and run by qemu.
 test_arm() {
-  need_base
+  prepare aarch64
   need_debian qemu-user libc6-arm64-cross
-  need_python "$(requirements wheel)"
-  export CCACHE_COMPILERTYPE=clang
-  make_toolchain aarch64
-  build_ceres aarch64
   built=build/wheel/aarch64
   if [ ! -e $built/lib/libgtest.a ]; then
     echo "building GoogleTest for aarch64"

@@ -26,7 +26,6 @@ import yaml
 from matplotlib.image import imread
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
-from typer.testing import CliRunner
 
 import locfuse.core
 from configuration_page import CONFIGURATION, SECTIONS, configuration_page, unit_of
@@ -40,6 +39,7 @@ from papers.claims import Claim
 from papers.datasets import CONVERTERS
 from papers.ekim2020.world import RECORDINGS
 from papers.reproduce import PAPERS
+from support_runs import locfuse as command_line
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -147,8 +147,8 @@ def test_quickstart_leads_from_an_empty_folder_to_reports(
         elif block.language == "sh":
             for line in block.text.splitlines():
                 if line.startswith("locfuse "):
-                    done = CliRunner().invoke(app, shlex.split(line)[1:])
-                    assert done.exit_code == 0, f"{line}: {done.output}"
+                    done = command_line(*shlex.split(line)[1:])
+                    assert done.status == 0, f"{line}: {done.err}"
                     ran += 1
     runs = {
         path.parent.name: json.loads(path.read_text()) for path in Path("out").glob("*/m*.json")
