@@ -175,6 +175,11 @@ void bind_estimators(py::module_& m) {
                      "Range scale error of each anchor, added to the scale in the map.")
       .def_readwrite("sigma_range_delay_s", &Calibration::sigma_range_delay_s,
                      "Latency of all ranges.")
+      .def_readwrite("sigma_heading_offset_rad", &Calibration::sigma_heading_offset_rad,
+                     "Offset of headings, beyond that of HeadingConfig.")
+      .def_readwrite("sigma_heading_offset_rad_per_sqrt_s",
+                     &Calibration::sigma_heading_offset_rad_per_sqrt_s,
+                     "Random walk of that offset.")
       .def_readwrite("consider", &Calibration::consider,
                      "Account for the errors without estimating them (Schmidt-Kalman filter).");
   using Adaptive = locfuse::AdaptiveNoise::Config;
@@ -192,6 +197,7 @@ void bind_estimators(py::module_& m) {
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position)
       .def_readwrite("pose", &Config::pose)
+      .def_readwrite("heading", &Config::heading)
       .def_readwrite("landmark", &Config::landmark)
       .def_readwrite("calibration", &Config::calibration)
       .def_readwrite("limits", &Config::limits)

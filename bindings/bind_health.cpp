@@ -18,7 +18,7 @@ using locfuse::SourceStatus;
 namespace {
 
 using Measurement = std::variant<locfuse::Range, locfuse::PositionFix, locfuse::PoseObservation,
-                                 locfuse::RangeBearing, locfuse::Altitude>;
+                                 locfuse::RangeBearing, locfuse::Altitude, locfuse::Heading>;
 
 void bind_enums(py::module_& m) {
   py::native_enum<HealthState>(m, "HealthState", "enum.Enum", "Trust in an estimate.")

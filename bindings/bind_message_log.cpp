@@ -337,6 +337,32 @@ may replay it at once.
           py::arg("stamp_ns"), py::arg("height"), py::arg("sigma") = py::none(), no_arrival,
           "Heights (n,) [m] of an altimeter above z = 0 of the world.")
       .def(
+          "add_headings",
+          [](SharedLog& log, const Stamps& stamps, const Column<double>& heading,
+             const std::optional<Column<double>>& sigma, const std::optional<Column<bool>>& course,
+             const std::optional<Stamps>& arrival) {
+            const Column<Stamp> stamp = checked_stamps("stamp_ns", stamps);
+            expect_shape("heading", heading, stamp.size());
+            if (sigma) {
+              expect_shape("sigma", *sigma, stamp.size());
+            }
+            if (course) {
+              expect_shape("is_course", *course, stamp.size());
+            }
+            const double* s = sigma ? sigma->data() : nullptr;
+            const bool* c = course ? course->data() : nullptr;
+            add_rows(log, stamp, arrival,
+                     [t = stamp.data(), h = heading.data(), s, c](py::ssize_t i) -> Message {
+                       const bool has_sigma = s != nullptr && !std::isnan(s[i]);
+                       return locfuse::Heading{t[i], h[i],
+                                               has_sigma ? std::optional(s[i]) : std::nullopt,
+                                               c != nullptr && c[i]};
+                     });
+          },
+          py::arg("stamp_ns"), py::arg("heading"), py::arg("sigma") = py::none(),
+          py::arg("is_course") = py::none(), no_arrival,
+          "Headings (n,) [rad] of the body in world, or courses of its antenna.")
+      .def(
           "sort",
           [](SharedLog& log) {
             const Use use(log, Use::Kind::kChange);

@@ -10,6 +10,7 @@
 
 namespace py = pybind11;
 using locfuse::Altitude;
+using locfuse::Heading;
 using locfuse::Id;
 using locfuse::Increment;
 using locfuse::LaserGeometry;
@@ -111,6 +112,7 @@ void bind_messages(py::module_& m) {
       .value("LANDMARK_SIGHTINGS", Source::kSightings)
       .value("SCANS", Source::kScans)
       .value("ALTITUDES", Source::kAltitudes)
+      .value("HEADINGS", Source::kHeadings)
       .value("IMU", Source::kImu)
       .finalize();
   py::class_<Velocity>(m, "Velocity",
@@ -245,6 +247,30 @@ void bind_messages(py::module_& m) {
           text << ", sigma=" << *z.sigma;
         }
         text << ")";
+        return text.str();
+      });
+  py::class_<Heading>(
+      m, "Heading",
+      "Heading [rad] of the body in world, counter-clockwise from x: of a magnetometer, the "
+      "orientation of an inertial unit or two antennas. With `is_course` the direction in which "
+      "the "
+      "antenna of GPS travels. `sigma` [rad] defaults to that of the model.")
+      .def(py::init([](Stamp stamp, double heading, std::optional<double> sigma, bool is_course) {
+             return checked(Heading{stamp, heading, sigma, is_course});
+           }),
+           py::arg("stamp"), py::arg("heading"), py::arg("sigma") = py::none(),
+           py::arg("is_course") = false)
+      .def_readonly("stamp", &Heading::stamp)
+      .def_readonly("heading", &Heading::heading)
+      .def_readonly("sigma", &Heading::sigma)
+      .def_readonly("is_course", &Heading::is_course)
+      .def("__repr__", [](const Heading& z) {
+        std::ostringstream text;
+        text << "Heading(stamp=" << z.stamp << ", heading=" << z.heading;
+        if (z.sigma) {
+          text << ", sigma=" << *z.sigma;
+        }
+        text << (z.is_course ? ", is_course=True)" : ")");
         return text.str();
       });
   py::class_<RangeBearing>(

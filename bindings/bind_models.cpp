@@ -3,6 +3,7 @@
 
 #include "bindings.hpp"
 #include "locfuse/math/symmetric.hpp"
+#include "locfuse/models/measurement/heading.hpp"
 #include "locfuse/models/measurement/pose.hpp"
 #include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
@@ -14,6 +15,7 @@
 namespace py = pybind11;
 using locfuse::AckermannVehicle;
 using locfuse::AnchorMap;
+using locfuse::HeadingModel;
 using locfuse::OdometryMotion;
 using locfuse::Pose2;
 using locfuse::PoseModel;
@@ -406,4 +408,36 @@ void bind_models(py::module_& m) {
           },
           py::arg("T_world_body"), py::arg("z"),
           "Linearization (3 x 3, fewer rows if an axis is not measured); None if none is.");
+  using HeadingConfig = HeadingModel::Config;
+  py::class_<HeadingConfig>(m, "HeadingConfig", "Noise and mounting of what measures headings.")
+      .def(py::init<>())
+      .def_readwrite("offset_rad", &HeadingConfig::offset_rad,
+                     "What it reads more than the heading [rad]: its mount, the declination.")
+      .def_readwrite("sigma_rad", &HeadingConfig::sigma_rad,
+                     "Sigma of a heading without a sigma of its own [rad].")
+      .def_readwrite("least_sigma_rad", &HeadingConfig::least_sigma_rad,
+                     "Minimum sigma of a heading [rad].")
+      .def_readwrite("min_speed_mps", &HeadingConfig::min_speed_mps,
+                     "Minimum speed of the antenna at which a course is fused [m/s].")
+      .def_readwrite("antenna_forward_m", &HeadingConfig::antenna_forward_m,
+                     "Place of the antenna of courses in body [m].")
+      .def_readwrite("antenna_left_m", &HeadingConfig::antenna_left_m)
+      .def_readwrite("gate", &HeadingConfig::gate,
+                     "Probability that a good heading passes its gate; 1: no gate.");
+  py::class_<HeadingModel>(m, "HeadingModel",
+                           "Heading of the body or course of its antenna; docs/models/poses.md.")
+      .def(py::init<>())
+      .def(py::init<const HeadingConfig&>(), py::arg("config"))
+      .def("direction", &HeadingModel::direction, py::arg("rate"),
+           "Direction [rad] in which the antenna travels in body, for a body that moves at `rate` "
+           "(Pose2: m/s, m/s, rad/s); None below the minimum speed.")
+      .def(
+          "linearize",
+          [](const HeadingModel& model, const Pose2& pose, const locfuse::Heading& z,
+             const Pose2& rate) -> std::optional<AnyLinearization> {
+            const auto lin = model.linearize(pose, z, rate);
+            return lin ? std::optional(any_size(*lin)) : std::nullopt;
+          },
+          py::arg("T_world_body"), py::arg("z"), py::arg_v("rate", Pose2{}, "Pose2()"),
+          "Linearization (1 x 3); None of a course below the minimum speed.");
 }

@@ -106,6 +106,13 @@ void code(Io& io, Altitude& m, Stamp& now) {
   m.sigma = sigma >= kNone ? std::nullopt : std::optional(sigma);
 }
 template <class Io>
+void code(Io& io, Heading& m, Stamp& now) {
+  code(io, m.stamp, now);
+  code(io, m.heading, -10.0, 10.0);
+  code_optional(io, m.sigma, [&](double& sigma) { code(io, sigma, 1e-3, 10.0); });
+  code(io, m.is_course);
+}
+template <class Io>
 void code(Io& io, RangeBearing& m, Stamp& now) {
   code(io, m.stamp, now);
   code_optional(io, m.landmark, [&](Id& id) { code(io, id); });

@@ -16,6 +16,7 @@ from locfuse._core import AnchorMap as AnchorMap
 from locfuse._core import CylinderDetector as CylinderDetector
 from locfuse._core import Gate as Gate
 from locfuse._core import GaussianBelief as GaussianBelief
+from locfuse._core import Heading as Heading
 from locfuse._core import HealthState as HealthState
 from locfuse._core import Increment as Increment
 from locfuse._core import Initializer as Initializer
@@ -62,7 +63,6 @@ from locfuse._core import predict as predict
 from locfuse._core import replay as replay
 from locfuse._core import update as update
 from locfuse.types import ConfigError as ConfigError
-from locfuse.types import GridMap as GridMap
 from locfuse.types import Log as Log
 from locfuse.types import LogError as LogError
 from locfuse.types import RunResult as RunResult

@@ -45,6 +45,9 @@ __all__: list[str] = [
     "GyroOdometryConfig",
     "GyroTurn",
     "GyroVerdict",
+    "Heading",
+    "HeadingConfig",
+    "HeadingModel",
     "HeadingSearch",
     "HeadingSearchReason",
     "Health",
@@ -316,6 +319,7 @@ class Source(enum.Enum):
     """
 
     ALTITUDES = ...
+    HEADINGS = ...
     IMU = ...
     LANDMARK_SIGHTINGS = ...
     ODOMETRY = ...
@@ -474,6 +478,27 @@ class Altitude:
     def __repr__(self) -> str: ...
     @property
     def height(self) -> float: ...
+    @property
+    def sigma(self) -> float | None: ...
+    @property
+    def stamp(self) -> int: ...
+
+class Heading:
+    """
+    Heading [rad] of the body in world, counter-clockwise from x: of a magnetometer, the orientation of an inertial unit or two antennas. With `is_course` the direction in which the antenna of GPS travels. `sigma` [rad] defaults to that of the model.
+    """
+    def __init__(
+        self,
+        stamp: typing.SupportsInt | typing.SupportsIndex,
+        heading: typing.SupportsFloat | typing.SupportsIndex,
+        sigma: typing.SupportsFloat | typing.SupportsIndex | None = None,
+        is_course: bool = False,
+    ) -> None: ...
+    def __repr__(self) -> str: ...
+    @property
+    def heading(self) -> float: ...
+    @property
+    def is_course(self) -> bool: ...
     @property
     def sigma(self) -> float | None: ...
     @property
@@ -2141,6 +2166,75 @@ class PoseModel:
         """
     def predict(self, T_world_body: Pose2) -> Pose2: ...
 
+class HeadingConfig:
+    """
+    Noise and mounting of what measures headings.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def antenna_forward_m(self) -> float:
+        """
+        Place of the antenna of courses in body [m].
+        """
+    @antenna_forward_m.setter
+    def antenna_forward_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def antenna_left_m(self) -> float: ...
+    @antenna_left_m.setter
+    def antenna_left_m(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def gate(self) -> float:
+        """
+        Probability that a good heading passes its gate; 1: no gate.
+        """
+    @gate.setter
+    def gate(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def least_sigma_rad(self) -> float:
+        """
+        Minimum sigma of a heading [rad].
+        """
+    @least_sigma_rad.setter
+    def least_sigma_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def min_speed_mps(self) -> float:
+        """
+        Minimum speed of the antenna at which a course is fused [m/s].
+        """
+    @min_speed_mps.setter
+    def min_speed_mps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def offset_rad(self) -> float:
+        """
+        What it reads more than the heading [rad]: its mount, the declination.
+        """
+    @offset_rad.setter
+    def offset_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_rad(self) -> float:
+        """
+        Sigma of a heading without a sigma of its own [rad].
+        """
+    @sigma_rad.setter
+    def sigma_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+
+class HeadingModel:
+    """
+    Heading of the body or course of its antenna; docs/models/poses.md.
+    """
+    @typing.overload
+    def __init__(self) -> None: ...
+    @typing.overload
+    def __init__(self, config: HeadingConfig) -> None: ...
+    def direction(self, rate: Pose2) -> float | None:
+        """
+        Direction [rad] in which the antenna travels in body, for a body that moves at `rate` (Pose2: m/s, m/s, rad/s); None below the minimum speed.
+        """
+    def linearize(self, T_world_body: Pose2, z: Heading, rate: Pose2 = ...) -> Linearization | None:
+        """
+        Linearization (1 x 3); None of a course below the minimum speed.
+        """
+
 class PositionStatus(enum.IntEnum):
     """
     Result of range-only positioning.
@@ -2767,6 +2861,24 @@ class CalibrationConfig:
     @sigma_direction_rad.setter
     def sigma_direction_rad(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def sigma_heading_offset_rad(self) -> float:
+        """
+        Offset of headings, beyond that of HeadingConfig.
+        """
+    @sigma_heading_offset_rad.setter
+    def sigma_heading_offset_rad(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_heading_offset_rad_per_sqrt_s(self) -> float:
+        """
+        Random walk of that offset.
+        """
+    @sigma_heading_offset_rad_per_sqrt_s.setter
+    def sigma_heading_offset_rad_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
     def sigma_range_delay_s(self) -> float:
         """
         Latency of all ranges.
@@ -2863,6 +2975,7 @@ class PoseEkfConfig:
 
     adaptive: AdaptiveNoiseConfig
     calibration: CalibrationConfig
+    heading: HeadingConfig
     landmark: RangeBearingConfig
     limits: Limits
     odometry: OdometryConfig
@@ -3034,7 +3147,8 @@ class PoseEkf:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged.
@@ -3353,7 +3467,8 @@ class AirEkf:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged.
@@ -4002,7 +4117,8 @@ class TagTriangleEkf:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged. After odometry the sides of the triangle are fused.
@@ -4189,7 +4305,8 @@ class Initializer:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> None:
         """
         Processes one message.
@@ -4380,7 +4497,8 @@ class LandmarkEkf:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Fuses one message; a message that is not fused leaves the estimator unchanged.
@@ -4681,7 +4799,7 @@ class Health:
         """
     def record(
         self,
-        message: Range | PositionFix | PoseObservation | RangeBearing | Altitude,
+        message: Range | PositionFix | PoseObservation | RangeBearing | Altitude | Heading,
         outcome: Outcome,
         gate: Gate,
     ) -> None:
@@ -4954,7 +5072,8 @@ class RecoveringEkf:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Processes one message. Its outcome is IGNORED until tracking starts.
@@ -5335,7 +5454,8 @@ class Mcl:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Processes one message.
@@ -5591,7 +5711,8 @@ class SwitchingMcl:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Processes one message. Ranges and fixes go to the UWB filter, all others weight particles.
@@ -5671,6 +5792,17 @@ class MessageLog:
     ) -> None:
         """
         Heights (n,) [m] of an altimeter above z = 0 of the world.
+        """
+    def add_headings(
+        self,
+        stamp_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64],
+        heading: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        sigma: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None = None,
+        is_course: typing.Annotated[numpy.typing.ArrayLike, numpy.bool] | None = None,
+        arrival_ns: typing.Annotated[numpy.typing.ArrayLike, numpy.int64] | None = None,
+    ) -> None:
+        """
+        Headings (n,) [rad] of the body in world, or courses of its antenna.
         """
     def add_increments(
         self,
@@ -5889,7 +6021,8 @@ class OdometryTimeline:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> list[MadeMotion]:
         """
         Takes a message; returns the MadeMotion that it ends, if it does, and those made again.
@@ -5985,7 +6118,8 @@ class LiveMcl:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> list[PoseEstimate]:
         """
         Takes a message or a scan; returns a PoseEstimate for each scan whose turn it is now.
@@ -6126,7 +6260,8 @@ class Live:
         | RangeBearing
         | Altitude
         | LaserScan
-        | Imu,
+        | Imu
+        | Heading,
     ) -> Outcome:
         """
         Processes a message and returns its Outcome.

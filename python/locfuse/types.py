@@ -355,7 +355,7 @@ class Outcomes:
     stamp_ns : int64 array, shape (n,)
     source : array of str, shape (n,)
         ``odometry``, ``ranges``, ``positions``, ``poses``, ``landmark_sightings``, ``altitudes``,
-        ``scans``, or ``switch`` where UWB took over from scans.
+        ``headings``, ``scans``, or ``switch`` where UWB took over from scans.
     tag, anchor : arrays of str, shape (n,)
         Names for ranges; for sightings the landmark's stands in `anchor`; else empty strings.
     verdict : array of str, shape (n,)

@@ -19,6 +19,7 @@ from locfuse.config.scenario import (
     AltitudeSensor,
     Circle,
     Flight,
+    HeadingSensor,
     OdometrySensor,
     PoseSensor,
     PositionSensor,
@@ -54,6 +55,7 @@ WIRING = {
     "PoseObservation": Wiring("poses", "heading_rad", "add_poses"),
     "RangeBearing": Wiring("landmark_sightings", "bearing_rad", "add_sightings"),
     "Altitude": Wiring("altitudes", "height_m", "add_altitudes"),
+    "Heading": Wiring("headings", "heading_rad", "add_headings"),
 }
 
 
@@ -115,6 +117,7 @@ def scenario(output: str = "increments") -> Scenario:
             sigma_range_m=0.0, sigma_bearing_deg=0.0, pose_in_body=(0.3, -0.1, 20.0)
         ),
         altitudes=AltitudeSensor(sigma_m=0.0, altimeter_up_m=0.25),
+        headings=HeadingSensor(sigma_deg=0.0, offset_deg=30.0),
     )
 
 
@@ -152,6 +155,8 @@ def using(source: str) -> dict[str, Any]:
     """Return a configuration that fuses one source alone."""
     if source == "altitudes":
         return {"use": [source], "start": "truth", "estimator": {"kind": "air"}}
+    if source == "headings":
+        return {"use": [source], "start": "truth"}
     antenna = {"antenna_forward_m": 0.4, "antenna_left_m": -0.1}
     return {"use": [source], "estimator": {"position": antenna}}
 
@@ -309,6 +314,15 @@ def true_heights(log: Log, stem: str) -> FloatArray:
     return np.asarray(log["truth"].get("z_m", np.zeros(rows.max() + 1))[rows])
 
 
+def heading_residuals(log: Log) -> FloatArray:
+    config = lf.HeadingConfig()
+    config.offset_rad = np.deg2rad(30.0)
+    model, seen = lf.HeadingModel(config), log["headings"]["heading_rad"]
+    found = [model.linearize(pose, lf.Heading(0, heading))
+             for pose, heading in zip(poses_at(log, "headings"), seen, strict=True)]  # fmt: skip
+    return np.array([lin.residual for lin in found if lin is not None])
+
+
 RESIDUALS: dict[str, Callable[[Log], FloatArray]] = {
     "Velocity": velocity_residuals,
     "Increment": increment_residuals,
@@ -317,6 +331,7 @@ RESIDUALS: dict[str, Callable[[Log], FloatArray]] = {
     "PoseObservation": pose_residuals,
     "RangeBearing": sighting_residuals,
     "Altitude": altitude_residuals,
+    "Heading": heading_residuals,
 }
 
 

@@ -78,6 +78,20 @@ WITHOUT_SCANS: Mapping[str, Mapping[str, Any]] = {
     "tag_conditioner": {"tag_conditioner": {}},
     "tag_conditioner, triangle": {"tag_conditioner": {}, "estimator": {"kind": "tag_triangle"}},
 }
+OUTSIDE: Mapping[str, Any] = {
+    "room_m": [40, 40],
+    "path": {"shape": "circle", "speed_mps": 1.2, "radius_m": 12, "center_m": [20, 20]},
+    "odometry": VELOCITIES,
+    "ranges": None,
+    "poses": None,
+    "positions": {"rate_hz": 1, "sigma_xy_m": 0.5},
+    "duration_s": 20.0,
+}
+WITHOUT_SCANS = {
+    **WITHOUT_SCANS,
+    "compass": {"simulation": {**OUTSIDE, "headings": {"offset_deg": 100}}},
+    "course": {"simulation": {**OUTSIDE, "headings": {"kind": "course", "rate_hz": 5}}},
+}
 HEADINGS = "srls_headings"
 SCANS = [*PARTICLES, *(f"cylinders {name}" for name in METHODS)]
 CASES = [*SCANS, *WITHOUT_SCANS, HEADINGS]

@@ -257,6 +257,8 @@ Outcome AirEkf::on(const Altitude& z) {
       [] { return Reason::kNone; });
 }
 
+Outcome AirEkf::on(const Heading& z) { return internal::not_used(z); }
+
 Outcome AirEkf::on(const PoseObservation& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {

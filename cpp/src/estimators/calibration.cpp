@@ -18,6 +18,7 @@ constexpr int kTurnBias = 3;
 constexpr int kAnchorOffset = 0;  // in the order of RangeErrors
 constexpr int kAnchorScale = 1;
 constexpr int kRangeDelay = 2;
+constexpr const char* kHeadingOffset = "heading offset";
 constexpr const char* kNames[] = {"scale",       "direction", "turn scale",     "turn bias",
                                   "sensor x",    "sensor y",  "sensor heading", "range offset",
                                   "range scale", "delay"};
@@ -66,6 +67,7 @@ Calibration::Calibration(const Config& config, const AnchorMap& anchors)
         "are no states; expected both or neither");
   }
   add_ranges(config, anchors);
+  prepare_heading(config);
 }
 
 void Calibration::add(State state) {
@@ -108,6 +110,18 @@ void Calibration::add_ranges(const Config& config, const AnchorMap& anchors) {
   }
 }
 
+void Calibration::prepare_heading(const Config& config) {
+  heading_sigma_ = checked("sigma_heading_offset_rad", config.sigma_heading_offset_rad);
+  const double wander =
+      checked("sigma_heading_offset_rad_per_sqrt_s", config.sigma_heading_offset_rad_per_sqrt_s);
+  heading_slots_ = {slots_.front(), {static_cast<int>(slots_.size())}};
+  heading_wander_ = wander * wander;
+}
+
+void Calibration::add_heading_to(GaussianBelief& belief) const {
+  belief.add(kHeadingOffset, SlotKind::kScalar, Vector<1>(0.0), variance_of(heading_sigma_));
+}
+
 void Calibration::add_to(GaussianBelief& belief) const {
   for (const State& state : states_) {
     const std::string name =
@@ -127,6 +141,11 @@ std::vector<CalibratedError> Calibration::errors(const GaussianBelief& belief) c
     const State& state = states_[k];
     all.push_back(
         {state.name, state.anchor, belief.x(row), std::sqrt(belief.P(row, row)), state.sigma});
+  }
+  if (has_heading(belief)) {
+    const int row = belief.offset(heading_slots_.back());
+    all.push_back({kHeadingOffset, std::nullopt, belief.x(row), std::sqrt(belief.P(row, row)),
+                   heading_sigma_});
   }
   return all;
 }

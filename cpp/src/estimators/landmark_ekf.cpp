@@ -127,10 +127,8 @@ Outcome LandmarkEkf::on(const RangeBearing& z) {
   return on_joint({z}, Association::kNearest).front();
 }
 
-Outcome LandmarkEkf::on(const Altitude& z) {
-  validate(z);
-  return {Verdict::kNotModelled, Reason::kNotUsed};
-}
+Outcome LandmarkEkf::on(const Altitude& z) { return internal::not_used(z); }
+Outcome LandmarkEkf::on(const Heading& z) { return internal::not_used(z); }
 
 Outcome LandmarkEkf::on(const Message& message) {
   return internal::dispatch<Range, PoseObservation, LaserScan>(*this, message);

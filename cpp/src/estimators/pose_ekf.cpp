@@ -71,10 +71,11 @@ PoseEkf::PoseEkf(const Config& config, const World& world, const PoseEstimate& s
           config, OdometryMotion(config.odometry), internal::lost_motion(config),
           RangeModel(config.range, internal::anchors_of(world), world.tags),
           PositionModel(config.position, world.tags), PoseModel(config.pose),
+          HeadingModel(config.heading),
           RangeBearingModel(config.landmark, world.landmarks.T_body_sensor),
           Calibration(config.calibration, *internal::anchors_of(world)),
           internal::landmarks_of(world), Gate(config.range.gate), Gate(config.position.gate),
-          Gate(config.pose.gate), Gate(config.landmark.gate),
+          Gate(config.pose.gate), Gate(config.heading.gate), Gate(config.landmark.gate),
           internal::noise_of("range.noise", config.range.noise, config),
           internal::noise_of("position.noise", config.position.noise, config),
           internal::noise_of("pose.noise", config.pose.noise, config), internal::hold_of(config)})),
@@ -96,6 +97,7 @@ PoseEkf PoseEkf::restarted(const PoseEstimate& start) const {
   recipe_->calibration.add_to(other.belief_);
   other.belief_.correlated = belief_.correlated.restarted();
   other.without_poses_.reset();
+  other.readings_ = {};
   other.odometry_ = odometry_.restarted(start.stamp);
   return other;
 }
@@ -175,11 +177,24 @@ Outcome PoseEkf::on(const Increment& u) { return take(u); }
 
 template <class Motion>
 Outcome PoseEkf::take(const Motion& u) {
-  if (!without_poses_) {
-    return internal::take<3>(*recipe_, odometry_, body_, belief_, u);
+  const bool reads = readings_[0] || readings_[1];
+  const double turn = reads ? turn_of(u) : 0.0;
+  const Outcome outcome = without_poses_
+                              ? take_with_both(u)
+                              : internal::take<3>(*recipe_, odometry_, body_, belief_, u);
+  if (reads && outcome.verdict == Verdict::kFused) {
+    count_turn(turn);
   }
-  return take_with_both(u);
+  return outcome;
 }
+
+/// How far the body turns by what a message of odometry adds: a motion, or that until it came.
+double PoseEkf::turn_of(const Velocity& u) const {
+  const double seconds = seconds_between(odometry_.end(), u.stamp);
+  const double held = static_cast<double>(recipe_->hold) / kNanosecondsPerSecond;
+  return odometry_.is_received() ? odometry_.rate().heading * std::clamp(seconds, 0.0, held) : 0.0;
+}
+double PoseEkf::turn_of(const Increment& u) { return u.motion.heading; }
 
 template <class Motion>
 [[gnu::noinline]] Outcome PoseEkf::take_with_both(const Motion& u) {
@@ -398,12 +413,15 @@ void PoseEkf::keep_without_poses_linear() {
   }
 }
 
+/// How the body moves per second in its own axes, as odometry says; not at all without it.
+Pose2 PoseEkf::body_rate() const {
+  const bool is_known = odometry_.is_received() && belief_.stamp <= odometry_.end() + recipe_->hold;
+  return is_known ? odometry_.rate() : Pose2{};
+}
+
 /// How x, y and heading change per second, as odometry says.
 Vector<3> PoseEkf::world_rate() const {
-  if (!odometry_.is_received() || belief_.stamp > odometry_.end() + recipe_->hold) {
-    return Vector<3>::Zero();
-  }
-  const Pose2 rate = odometry_.rate();
+  const Pose2 rate = body_rate();
   const double c = std::cos(belief_.x(2));
   const double s = std::sin(belief_.x(2));
   return {c * rate.x - s * rate.y, s * rate.x + c * rate.y, rate.heading};
@@ -523,9 +541,87 @@ std::vector<const Landmark*> PoseEkf::associated(const std::vector<RangeBearing>
   return landmarks;
 }
 
-Outcome PoseEkf::on(const Altitude& z) {
+Outcome PoseEkf::on(const Altitude& z) { return internal::not_used(z); }
+
+Outcome PoseEkf::on(const Heading& z) {
   validate(z);
-  return {Verdict::kNotModelled, Reason::kNotUsed};
+  std::optional<Reading>& reading = readings_[z.is_course ? 1 : 0];
+  constexpr double kFrozenTurn = 0.1;  // [rad]
+  if (reading && reading->is_of(z) && reading->most > kFrozenTurn) {
+    return {Verdict::kImplausible, Reason::kFrozen};
+  }
+  const Calibration& calibration = recipe_->calibration;
+  const Outcome outcome = z.is_course || !calibration.learns_heading() ? fuse_direction(z)
+                          : calibration.has_heading(belief_)           ? fuse_with_offset(z)
+                                                                       : begin_with_offset(z);
+  if (outcome.verdict == Verdict::kFused && !(reading && reading->is_of(z))) {
+    reading = Reading{z.heading, 0.0, 0.0};
+  }
+  return outcome;
+}
+
+/// Whether a reading is the same again, but for its last digits.
+bool PoseEkf::Reading::is_of(const Heading& z) const {
+  constexpr double kSame = 1e-4;  // [rad]
+  return std::abs(wrap_angle(z.heading - heading)) < kSame;
+}
+
+/// Odometry turned the body.
+void PoseEkf::count_turn(double turn) {
+  for (std::optional<Reading>& reading : readings_) {
+    if (reading) {
+      reading->turned += turn;
+      reading->most = std::max(reading->most, std::abs(reading->turned));
+    }
+  }
+}
+
+/// Fuses what says the heading of the body, or the course of its antenna, by itself.
+Outcome PoseEkf::fuse_direction(const Heading& z) {
+  return correct(
+      Source::kHeadings, z.stamp, recipe_->heading_gate, internal::kGaussian, body_,
+      [&](const Pose2& pose) {
+        return internal::of_source(recipe_->config,
+                                   recipe_->heading.linearize(pose, z, body_rate()),
+                                   Source::kHeadings, z.is_course ? 1 : 0);
+      },
+      [] { return Reason::kNoDirection; });
+}
+
+/// Fuses a heading of which it is learnt what it reads more than the body's.
+Outcome PoseEkf::fuse_with_offset(const Heading& z) {
+  const std::vector<Slot>& slots = recipe_->calibration.heading_slots();
+  return correct(
+      Source::kHeadings, z.stamp, recipe_->heading_gate, internal::kGaussian, slots,
+      [&](const Pose2& pose) {
+        const double offset = belief_.x(belief_.offset(slots.back()));
+        return internal::of_source(recipe_->config,
+                                   recipe_->heading.linearize(pose, offset, z, Pose2{}),
+                                   Source::kHeadings);
+      },
+      [] { return Reason::kNone; });
+}
+
+/// The same of the first one, which what it reads more becomes a state for.
+Outcome PoseEkf::begin_with_offset(const Heading& z) {
+  if (z.stamp < belief_.stamp) {
+    return {Verdict::kStale, Reason::kBeforeEstimate};
+  }
+  PoseEkf before = *this;
+  recipe_->calibration.add_heading_to(belief_);
+  if (without_poses_) {
+    recipe_->calibration.add_heading_to(*without_poses_);
+  }
+  try {
+    const Outcome outcome = fuse_with_offset(z);
+    if (outcome.verdict != Verdict::kFused) {
+      *this = std::move(before);
+    }
+    return outcome;
+  } catch (...) {
+    *this = std::move(before);
+    throw;
+  }
 }
 
 Outcome PoseEkf::on(const Message& message) {

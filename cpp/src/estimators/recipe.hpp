@@ -128,6 +128,13 @@ Outcome dispatch(Estimator& estimator, const Message& message) {
       message);
 }
 
+/// Checks a message that an estimator has no use for.
+template <class M>
+Outcome not_used(const M& z) {
+  validate(z);
+  return {Verdict::kNotModelled, Reason::kNotUsed};
+}
+
 /// Stands for noise that no config can make anything but Gaussian.
 struct AlwaysGaussian {};
 inline constexpr AlwaysGaussian kGaussian;
@@ -398,6 +405,10 @@ void advance(const Recipe& recipe, const HeldMotion& odometry, Slot body, Gaussi
     if (recipe.calibration.has_wandering()) {
       predict(belief, recipe.calibration.wander(belief, seconds_between(belief.stamp, stamp)),
               recipe.calibration.wandering_slots());
+    }
+    if (recipe.calibration.has_heading(belief)) {
+      diffuse(belief, recipe.calibration.heading_slots().back(),
+              recipe.calibration.heading_wander() * seconds_between(belief.stamp, stamp));
     }
   }
   if (!odometry.is_received()) {

@@ -419,10 +419,8 @@ Outcome TagTriangleEkf::on(const Increment& u) {
   return take(u.begin, u.stamp, twist);
 }
 
-Outcome TagTriangleEkf::on(const Altitude& z) {
-  validate(z);
-  return {Verdict::kNotModelled, Reason::kNotUsed};
-}
+Outcome TagTriangleEkf::on(const Altitude& z) { return internal::not_used(z); }
+Outcome TagTriangleEkf::on(const Heading& z) { return internal::not_used(z); }
 
 Outcome TagTriangleEkf::on(const Message& message) {
   return internal::dispatch<PoseObservation, RangeBearing, LaserScan>(*this, message);

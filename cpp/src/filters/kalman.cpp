@@ -237,6 +237,12 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
   internal::keep_in_bounds(belief, row, 2, few);
 }
 
+void diffuse(GaussianBelief& belief, Slot slot, double variance) {
+  const int row = belief.offset(slot);
+  belief.P(row, row) += variance;
+  internal::keep_in_bounds(belief, row, 1);
+}
+
 void predict(GaussianBelief& belief, const Propagation<VectorXd, Eigen::Dynamic>& step,
              Slots slots) {
   const std::vector<int> rows = belief.rows(slots);

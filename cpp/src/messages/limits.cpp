@@ -54,6 +54,8 @@ bool is_plausible(const Altitude& message, const Limits& limits) {
   return std::abs(message.height) <= limits.distance_m;
 }
 
+bool is_plausible(const Heading& /*message*/, const Limits& /*limits*/) { return true; }
+
 bool is_plausible(const RangeBearing& message, const Limits& limits) {
   return message.range.value_or(0.0) <= limits.range_m;
 }

@@ -49,6 +49,9 @@ Key key_of(const PoseObservation& z) {
            bits_of(z.covariance(0, 0)), bits_of(z.covariance(2, 2))}};
 }
 Key key_of(const Altitude& z) { return {0, 0, {bits_of(z.height), bits_of(z.sigma)}}; }
+Key key_of(const Heading& z) {
+  return {z.is_course ? 1 : 0, 0, {bits_of(z.heading), bits_of(z.sigma)}};
+}
 Key key_of(const RangeBearing& z) {
   return {number_of(z.landmark),
           0,

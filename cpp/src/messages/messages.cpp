@@ -174,6 +174,14 @@ void validate(const Altitude& message) {
   }
 }
 
+void validate(const Heading& message) {
+  check_stamp(message.stamp);
+  require_finite("Heading.heading [rad]", message.heading);
+  if (message.sigma) {
+    require_sigma("Heading.sigma [rad]", *message.sigma);
+  }
+}
+
 void validate(const RangeBearing& message) {
   if (message.elevation || message.sigma_elevation) {
     throw std::invalid_argument(

@@ -479,10 +479,8 @@ std::optional<WatchReport> Mcl::watched() const {
   return watch_->report(here, report_of(here));
 }
 
-Outcome Mcl::on(const Altitude& z) {
-  validate(z);
-  return {Verdict::kNotModelled, Reason::kNotUsed};
-}
+Outcome Mcl::on(const Altitude& z) { return internal::not_used(z); }
+Outcome Mcl::on(const Heading& z) { return internal::not_used(z); }
 
 Outcome Mcl::on(const Message& message) { return internal::dispatch(*this, message); }
 

@@ -71,10 +71,8 @@ Outcome SwitchingMcl::on(const PositionFix& z) { return update_uwb(z); }
 Outcome SwitchingMcl::on(const PoseObservation& z) { return mcl_.on(z); }
 Outcome SwitchingMcl::on(const RangeBearing& z) { return mcl_.on(z); }
 
-Outcome SwitchingMcl::on(const Altitude& z) {
-  validate(z);
-  return {Verdict::kNotModelled, Reason::kNotUsed};
-}
+Outcome SwitchingMcl::on(const Altitude& z) { return internal::not_used(z); }
+Outcome SwitchingMcl::on(const Heading& z) { return internal::not_used(z); }
 
 Outcome SwitchingMcl::on(const LaserScan& z) {
   const Outcome outcome = mcl_.on(z);

@@ -89,6 +89,7 @@ Outcome AirSum::on(const Velocity& u) { return take(u); }
 Outcome AirSum::on(const Increment& u) { return take(u); }
 Outcome AirSum::on(const PositionFix& z) { return take(z); }
 Outcome AirSum::on(const Altitude& z) { return take(z); }
+Outcome AirSum::on(const Heading& z) { return take(z); }
 Outcome AirSum::on(const PoseObservation& z) { return take(z); }
 Outcome AirSum::on(const RangeBearing& z) { return take(z); }
 

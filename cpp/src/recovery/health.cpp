@@ -17,6 +17,11 @@
 namespace locfuse {
 namespace {
 
+/// Whether what a source measures depends on where the body is.
+bool says_of_place(const NamedSource& source) {
+  return source.kind != Source::kAltitudes && source.kind != Source::kHeadings;
+}
+
 double odds_of(double probability) { return probability / (1.0 - probability); }
 
 double between(const char* name, double value, double low, double high) {
@@ -166,7 +171,7 @@ void Health::record(const NamedSource& source, Stamp stamp, const Outcome& outco
     status.sigma = std::sqrt(outcome.scale);
     status.test_ratio = outcome.nis / limit;
   }
-  if (source.kind == Source::kAltitudes) {
+  if (!says_of_place(source)) {
     status.nis += internal::HealthTuning::kSourceWeight *
                   (std::min(outcome.nis, internal::HealthTuning::kMaxMeanNis) - status.nis);
     return;
@@ -249,7 +254,7 @@ void Health::receive(SourceStatus& status, Stamp stamp, bool is_fused) {
       internal::HealthTuning::kSourceWeight * ((is_fused ? 1.0 : 0.0) - status.accepted);
   if (is_fused) {
     status.fused = status.last_received;
-    if (status.source.kind != Source::kAltitudes) {
+    if (says_of_place(status.source)) {
       fused_ = std::max(fused_, stamp);
     }
   }
@@ -304,7 +309,7 @@ double Health::agreement() const {
   double wrong = 0.0;
   for (const SourceStatus& status : sources_) {
     const double stays = 1.0 - seconds_between(status.last_received, stamp_) / config_.faulty_s;
-    if (stays > 0.0 && status.source.kind != Source::kAltitudes) {
+    if (stays > 0.0 && says_of_place(status.source)) {
       const double usual = faulty_share(status.source);
       const double faulty = usual + stays * (status.faulty - usual);
       right += 1.0 - faulty;
@@ -327,6 +332,7 @@ double Health::outlier_volume(const RangeBearing& z) const {
 }
 
 double Health::outlier_volume(const Altitude& /*z*/) const { return config_.wrong_span_m; }
+double Health::outlier_volume(const Heading& /*z*/) const { return 2.0 * kPi; }
 
 bool Health::is_excluded(const NamedSource& source) const {
   if (excluded_ == 0 || odds_ > odds_found_) {

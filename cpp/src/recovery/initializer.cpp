@@ -566,6 +566,16 @@ void Initializer::on(const PoseObservation& z) {
   });
 }
 
+void Initializer::on(const Heading& z) {
+  validate(z);
+  attempt([&] {
+    if (!components_.empty()) {
+      (void)weigh(z, log_anything(z, config_.wrong_span_m));
+      reduce();
+    }
+  });
+}
+
 void Initializer::on(const RangeBearing& z) {
   validate(z);
   if (config_.method == StartMethod::kGaussianSum && is_plausible(z, config_.estimator.limits) &&

@@ -30,6 +30,7 @@ inline double log_anything(const PoseObservation& z, double span) {
   return log_anything<3>(z.covariance, span);
 }
 inline double log_anything(const Altitude& /*z*/, double span) { return -std::log(span); }
+inline double log_anything(const Heading& /*z*/, double /*span*/) { return -std::log(2.0 * kPi); }
 inline double log_anything(const RangeBearing& z, double span) {
   return (z.range ? -std::log(span) : 0.0) - (z.bearing ? std::log(2.0 * kPi) : 0.0) -
          (z.elevation ? std::log(kPi) : 0.0);

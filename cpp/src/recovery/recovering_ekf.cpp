@@ -203,6 +203,7 @@ Outcome RecoveringEkf::on(const PositionFix& z) { return correct(z); }
 Outcome RecoveringEkf::on(const PoseObservation& z) { return watch_ ? watch(z) : correct(z); }
 Outcome RecoveringEkf::on(const RangeBearing& z) { return correct(z); }
 Outcome RecoveringEkf::on(const Altitude& z) { return correct(z); }
+Outcome RecoveringEkf::on(const Heading& z) { return correct(z); }
 
 Outcome RecoveringEkf::on(const Message& message) { return internal::dispatch(*this, message); }
 

@@ -141,6 +141,10 @@ class Builder {
     validate(z);
     return {Verdict::kIgnored, Reason::kNotUsed};
   }
+  Outcome on(const Heading& z, std::size_t /*message*/) {
+    validate(z);
+    return {Verdict::kIgnored, Reason::kNotUsed};
+  }
   Outcome on(const LaserScan& z, std::size_t /*message*/) {
     validate(z);
     return {Verdict::kIgnored, Reason::kNotUsed};

@@ -13,6 +13,7 @@ from typing import TypeAlias
 from locfuse.check import rules_air as air
 from locfuse.check import rules_anchors as anchors
 from locfuse.check import rules_config as config_of
+from locfuse.check import rules_headings as headings
 from locfuse.check import rules_imu as imu
 from locfuse.check import rules_landmarks as landmarks
 from locfuse.check import rules_log as log_of
@@ -51,7 +52,7 @@ def _rules_of(module: ModuleType) -> Iterator[Rule]:
             yield rule
 
 
-MODULES = (log_of, config_of, switch, anchors, tags, landmarks, ranges, motion, imu, air)
+MODULES = (log_of, config_of, switch, anchors, tags, landmarks, ranges, motion, imu, headings, air)
 RULES: tuple[Rule, ...] = tuple(rule for module in MODULES for rule in _rules_of(module))
 
 

@@ -30,6 +30,9 @@ def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:
     """Return the C++ struct of a pose EKF with every value of `estimator`."""
     config = _core.PoseEkfConfig()
     _fill(config, estimator, leave=_OTHER_KINDS)
+    antenna = estimator.position  # whose courses are those of the same receiver
+    config.heading.antenna_forward_m = antenna.antenna_forward_m
+    config.heading.antenna_left_m = antenna.antenna_left_m
     return config
 
 
@@ -57,7 +60,7 @@ def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
 def build_air_config(estimator: Estimator) -> _core.AirEkfConfig:
     """Return the C++ struct with every value of `estimator` for a body that flies."""
     config, air = _core.AirEkfConfig(), estimator.air
-    _fill(config, estimator, leave=(*_OTHER_KINDS, "calibration", "adaptive"))
+    _fill(config, estimator, leave=(*_OTHER_KINDS, "calibration", "adaptive", "heading"))
     _fill(config, air, leave=("motion", "start_height_m", "sigma_start_height_m", "sensor_up_m",
                                "sigma_elevation_rad"))  # fmt: skip
     config.motion = _core.AirMotion[air.motion.upper()]

@@ -20,7 +20,9 @@ Latitude: TypeAlias = Annotated[float, Field(ge=-90.0, le=90.0)]
 Longitude: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 SUBSCRIBED = ("odometry", "imu", "scans", "ranges", "poses", "positions", "landmark_sightings",
-         "altitudes", "map", "anchors", "landmarks", "initial_pose", "truth")  # fmt: skip
+              "altitudes", "headings", "courses", "map", "anchors", "landmarks", "initial_pose",
+              "truth")  # fmt: skip
+BOTH = {"imu", "headings"}  # which may be of one topic
 PUBLISHED = ("estimate", "path", "start", "fallback", "mapped")
 POSE = "geometry_msgs/PoseWithCovarianceStamped"
 # What may come on the topic of a source; the first is the usual one.
@@ -33,6 +35,8 @@ TYPES: dict[str, tuple[str, ...]] = {
     "positions": ("sensor_msgs/NavSatFix", "locfuse_msgs/TagPosition"),
     "landmark_sightings": ("locfuse_msgs/LandmarkSightings", "locfuse_msgs/LandmarkSighting"),
     "altitudes": ("sensor_msgs/Range", POSE, "geometry_msgs/PointStamped"),
+    "headings": ("sensor_msgs/Imu", "geometry_msgs/QuaternionStamped"),
+    "courses": ("geometry_msgs/TwistWithCovarianceStamped", "geometry_msgs/TwistStamped"),
     "map": ("nav_msgs/OccupancyGrid",),
     "anchors": ("locfuse_msgs/NamedPoints",),
     "landmarks": ("locfuse_msgs/NamedPoints",),
@@ -189,6 +193,12 @@ class Topics(Strict):
     """locfuse_msgs/LandmarkSightings or LandmarkSighting."""
     altitudes: Name | None = "altitude"
     """Range down to z = 0, PoseWithCovarianceStamped or PointStamped; kind `air`."""
+    headings: Name | None = "heading"
+    """sensor_msgs/Imu, of which the orientation counts, or QuaternionStamped. It may be the topic
+    of `imu`.
+    """
+    courses: Name | None = "course"
+    """Velocity over ground, east and north: TwistWithCovarianceStamped or TwistStamped."""
     map: Name | None = "map"
     """nav_msgs/OccupancyGrid."""
     anchors: Name | None = "anchors"
@@ -216,7 +226,7 @@ class Topics(Strict):
         for names in (SUBSCRIBED, PUBLISHED):
             given = [(key, topic) for key in names for topic in self.of(key)]
             for topic, times in Counter(topic for _, topic in given).items():
-                if times > 1:
+                if times > 1 and {key for key, name in given if name == topic} != BOTH:
                     keys = " and ".join(key for key, name in given if name == topic)
                     raise ValueError(f"{keys} are both {topic!r}; expected a topic for each")
         return self

@@ -22,7 +22,7 @@ Point2: TypeAlias = tuple[float, float]
 Point3: TypeAlias = tuple[float, float, float]
 Segment: TypeAlias = tuple[float, float, float, float]
 Source: TypeAlias = Literal["odometry", "ranges", "poses", "positions", "landmark_sightings",
-                            "altitudes"]  # fmt: skip
+                            "altitudes", "headings"]  # fmt: skip
 
 MAX_MESSAGES = 5_000_000  # of one sensor: a day of wheels at 50 Hz
 MAX_BEAMS = 200_000_000  # 1.6 GB
@@ -262,6 +262,19 @@ class AltitudeSensor(Strict):
     """Sigma of each altitude [m]."""
     altimeter_up_m: float = 0.0
     """Height of the altimeter over the body's origin [m]."""
+
+
+class HeadingSensor(Strict):
+    """Compass, or the orientation of an IMU: the true heading, an offset and white noise."""
+
+    rate_hz: Rate = 10.0
+    """Headings per second [Hz]."""
+    sigma_deg: NonNegative = 2.0
+    """Sigma of each heading [deg]."""
+    offset_deg: float = 0.0
+    """What it reads more than the heading: mount, declination [deg]."""
+    kind: Literal["heading", "course"] = "heading"
+    """Report the heading of the body, or the course in which the antenna of `positions` travels."""
 
 
 class ImuSensor(Strict):
@@ -706,6 +719,8 @@ class Scenario(Strict):
     """Ranges and bearings to landmarks; off by default. Needs `landmarks`."""
     altitudes: AltitudeSensor | None = None
     """Altimeter; off by default."""
+    headings: HeadingSensor | None = None
+    """Compass or GPS course; off by default."""
     laser: LaserSensor | None = None
     """2D laser scanner; off by default. Needs a `map`."""
     lasers: dict[Name, LaserSensor] = Field(default_factory=dict)
@@ -756,6 +771,7 @@ class Scenario(Strict):
         each = {  # messages, or beams, of one instant
             "odometry": 1, "ranges": len(self.anchors) * len(self.tags), "poses": 1,
             "positions": fixes, "landmark_sightings": len(self.landmarks), "altitudes": 1,
+            "headings": 1,
         }  # fmt: skip
         sensors = {name: (getattr(self, name), count) for name, count in each.items()}
         sensors |= {f"lasers.{name}" if name else "laser": (sensor, 1)

@@ -26,20 +26,22 @@ Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 Latency: TypeAlias = Annotated[float, Field(ge=0.0, le=3600.0)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
 Message: TypeAlias = Literal["odometry", "ranges", "positions", "poses", "landmark_sightings",
-                             "altitudes"]  # fmt: skip
+                             "altitudes", "headings"]  # fmt: skip
 Source: TypeAlias = Literal[Message, "imu"]
 SOURCES: tuple[Message, ...] = get_args(Message)
-IN_THE_PLANE = SOURCES[:-1]
+IN_THE_PLANE = tuple(source for source in SOURCES if source != "altitudes")
+_BEFORE_HEADINGS = SOURCES[:-1]
 USABLE: tuple[Source, ...] = (*SOURCES, "imu")  # which goes into odometry
-# Whatever there is: as `use` says it by default, and before there were altitudes.
-EVERYTHING: tuple[list[Source], ...] = ([*USABLE], [*IN_THE_PLANE, "imu"])
+# Whatever there is: as `use` says it by default, and before there were headings, or altitudes.
+EVERYTHING: tuple[list[Source], ...] = ([*USABLE], [*_BEFORE_HEADINGS, "imu"],
+                                        [*_BEFORE_HEADINGS[:-1], "imu"])  # fmt: skip
 Kind: TypeAlias = Literal["pose", "landmark_slam", "tag_triangle", "air"]
 # What an estimator of each kind fuses; it ignores the rest.
 FUSES: dict[Kind, tuple[Source, ...]] = {
     "pose": IN_THE_PLANE,
     "landmark_slam": ("odometry", "positions", "landmark_sightings"),
     "tag_triangle": ("odometry", "ranges", "positions"),
-    "air": SOURCES,
+    "air": _BEFORE_HEADINGS,
 }
 
 
@@ -97,6 +99,26 @@ class Altitude(Strict):
     """Sigma of an altitude without a sigma of its own [m]."""
     gate: GateProbability = struct.gate
     """Probability that a good altitude passes its gate; 1: no gate."""
+    latency_s: Latency = 0.0
+    """Constant latency, subtracted from each stamp [s]."""
+
+
+class Heading(Strict):
+    """Compass, orientation of an IMU, two antennas, or course; ``HeadingConfig`` in C++."""
+
+    struct: ClassVar = _core.HeadingConfig()
+    fixed: ClassVar = ("antenna_forward_m", "antenna_left_m")
+
+    offset_rad: float = struct.offset_rad
+    """What it reads more than the heading: mount, declination [rad]."""
+    sigma_rad: Positive = struct.sigma_rad
+    """Sigma of a heading without a sigma of its own [rad]."""
+    least_sigma_rad: Positive = struct.least_sigma_rad
+    """Minimum sigma of any heading [rad]."""
+    min_speed_mps: Positive = struct.min_speed_mps
+    """Minimum speed at which a course is fused [m/s]."""
+    gate: GateProbability = struct.gate
+    """Probability that a good heading passes its gate; 1: no gate."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
 
@@ -225,6 +247,12 @@ class Calibration(Strict):
     """Proportional part of the range error of each anchor, beyond `anchors`."""
     sigma_range_delay_s: DriftSigma = struct.sigma_range_delay_s
     """Latency of all ranges [s]."""
+    sigma_heading_offset_rad: DriftSigma = struct.sigma_heading_offset_rad
+    """[What headings read more](models/poses.md#8-headings-and-courses) than
+    `heading.offset_rad`; pi: unknown, 0: nothing [rad].
+    """
+    sigma_heading_offset_rad_per_sqrt_s: DriftSigma = struct.sigma_heading_offset_rad_per_sqrt_s
+    """Random walk of that offset [rad/√s]."""
     consider: bool = struct.consider
     """Account for these errors without estimating them."""
 
@@ -245,12 +273,12 @@ class Calibration(Strict):
 
 Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
 _OF_POSE = ("calibration", "adaptive", "correlation_s", "range.noise", "position.noise",
-            "pose.noise")  # fmt: skip
+            "pose.noise", "heading")  # fmt: skip
 LEFT_OUT: dict[Kind, tuple[str, ...]] = {  # settings of `Estimator` that a kind does not have
     "pose": ("landmark_slam", "tag_triangle", "air"),
     "landmark_slam": ("tag_triangle", "air", *_OF_POSE),
     "tag_triangle": ("landmark_slam", "air", *_OF_POSE),
-    "air": ("landmark_slam", "tag_triangle", "calibration", "adaptive"),
+    "air": ("landmark_slam", "tag_triangle", "calibration", "adaptive", "heading"),
 }
 
 
@@ -480,6 +508,8 @@ class Estimator(Strict):
     """Antenna position in body; sigmas, gate and latency of position fixes."""
     pose: Pose = Field(default_factory=Pose)
     """Sigmas, gate and latency of poses."""
+    heading: Heading = Field(default_factory=Heading)
+    """Offset, sigmas, gate and latency of headings."""
     landmark: Landmark = Field(default_factory=Landmark)
     """Noise, gate and latency of landmark observations."""
     calibration: Calibration = Field(default_factory=Calibration)
@@ -914,7 +944,8 @@ class RunConfig(Strict):
         return {"odometry": of.odometry.latency_s, "ranges": of.range.latency_s,
                 "positions": of.position.latency_s, "poses": of.pose.latency_s,
                 "landmark_sightings": of.landmark.latency_s,
-                "altitudes": of.air.altitude.latency_s, "imu": self.imu.latency_s}  # fmt: skip
+                "altitudes": of.air.altitude.latency_s, "headings": of.heading.latency_s,
+                "imu": self.imu.latency_s}  # fmt: skip
 
     @property
     def latency_of_tables_s(self) -> dict[Source, float]:
@@ -1068,7 +1099,7 @@ class RunConfig(Strict):
             )
         unused = [source for source in self.use
                   if source not in (*FUSES[self.estimator.filter], "imu")]  # fmt: skip
-        if unused and self.use not in (*EVERYTHING, [*SOURCES], [*IN_THE_PLANE]):
+        if unused and [*self.use, "imu"] not in EVERYTHING and self.use not in EVERYTHING:
             raise ValueError(
                 f"use names {unused}, which estimator.kind {kind!r} does not fuse; expected some "
                 f"of {list(FUSES[self.estimator.filter])}"
@@ -1077,11 +1108,11 @@ class RunConfig(Strict):
 
     @model_validator(mode="after")
     def _sigmas_to_fuse_with(self) -> RunConfig:
-        for source in ("poses", "positions", "altitudes"):
+        for source in ("poses", "positions", "altitudes", "headings"):
             sensor = getattr(self.simulation, source, None)
             if sensor is None or source not in self.use:
                 continue
-            for key in ("sigma_xy_m", "sigma_heading_deg", "sigma_m"):
+            for key in ("sigma_xy_m", "sigma_heading_deg", "sigma_m", "sigma_deg"):
                 if getattr(sensor, key, 1.0) == 0.0:
                     raise ValueError(
                         f"simulation.{source}.{key} is 0, but what is fused needs a sigma > 0; "

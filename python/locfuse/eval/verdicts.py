@@ -14,7 +14,7 @@ from locfuse.types import Outcomes, StampArray
 SUSPECT_SHARE = 0.10  # rejected share from which an anchor is pointed out
 
 _SOURCE_ORDER = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "altitudes",
-                 "scans")  # fmt: skip
+                 "headings", "scans")  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,11 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         (*_SEEN, "elevation_rad", "sigma_range_m", "sigma_bearing_rad", "sigma_elevation_rad"),
     ),
     "altitudes": (("stamp_s", "height_m"), ("stamp_s", "height_m", "sigma_m")),
+    "headings": tuple(
+        ("stamp_s", "heading_rad", *sigma, *course)
+        for sigma in ((), ("sigma_rad",))
+        for course in ((), ("is_course",))
+    ),
     "scans": tuple(
         ("stamp_s", *laser, *geometry, "ranges_m", *bright)
         for laser in ((), ("laser",))
@@ -80,8 +85,8 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("landmark", "x_m", "y_m", "cov_x_x", "cov_x_y", "cov_y_y"),
     ),
 }
-MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "altitudes", "scans",
-            "imu")  # fmt: skip
+MESSAGES = ("odometry", "ranges", "positions", "poses", "landmark_sightings", "altitudes",
+            "headings", "scans", "imu")  # fmt: skip
 OF_THE_WORLD = ("anchors", "landmarks")
 MAY_BE_EMPTY = MESSAGES[1:]
 INCREASING = ("odometry", "truth")  # strictly; other messages may come in any order
@@ -368,6 +373,8 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
     elif name == "elevation_rad":
         bad = np.abs(values) > 0.5 * np.pi
         yield from _first(bad, "an elevation is beyond straight up or down", values)
+    elif name == "is_course":
+        yield from _first((values != 0.0) & (values != 1.0), "is_course is neither 0 nor 1", values)
     elif name == "intensities":
         lowest = np.nan_to_num(values, nan=0.0).reshape(len(values), -1 if values.size else 1)
         yield from _first(lowest.min(axis=1) < 0.0, "an intensity is negative", lowest.min(axis=1))

@@ -25,6 +25,7 @@ Message = (
     | _core.PoseObservation
     | _core.RangeBearing
     | _core.Altitude
+    | _core.Heading
 )
 
 
@@ -61,6 +62,7 @@ class Rows:
             "poses": self._pose,
             "landmark_sightings": self._sighting,
             "altitudes": self._altitude,
+            "headings": self._heading,
         }
 
     def message(self, source: str, row: Row) -> Message:
@@ -158,6 +160,11 @@ class Rows:
 
     def _altitude(self, stamp: int, row: Row) -> Message:
         return _core.Altitude(stamp, float(row["height_m"]), row.get("sigma_m"))
+
+    def _heading(self, stamp: int, row: Row) -> Message:
+        sigma = float(row.get("sigma_rad", np.nan))
+        return _core.Heading(stamp, float(row["heading_rad"]), None if np.isnan(sigma) else sigma,
+                             bool(row.get("is_course", 0)))  # fmt: skip
 
 
 def _names(world: Log, table: str, column: str) -> list[str]:

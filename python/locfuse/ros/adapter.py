@@ -97,6 +97,8 @@ class Adapter:
             "positions": self._position,
             "landmark_sightings": self._sightings,
             "altitudes": self._altitude,
+            "headings": self._heading,
+            "courses": self._course,
             "map": self._map,
             "anchors": self._points("anchors"),
             "landmarks": self._points("landmarks"),
@@ -138,6 +140,8 @@ class Adapter:
         wanted = set(config.use) | {"map", "anchors", "landmarks", "initial_pose"}
         if config.estimator.kind != "air":
             wanted.discard("altitudes")
+        if "headings" in wanted:
+            wanted.add("courses")
         makers = config.mcl, config.cylinders, config.scan_odometry
         if config.searches_start or any(part is not None for part in makers):
             wanted.add("scans")
@@ -402,6 +406,18 @@ class Adapter:
         check_frame("altitudes", row.frame, self._config.ros.frames.map)
         self._in_time(row.stamp_ns, topic)
         self._feed("altitudes", rows.altitude_row(row))
+
+    def _heading(self, message: Any, topic: str) -> None:
+        self._feed_heading(decode.heading(message, self._config.ros.gps_origin), topic)
+
+    def _course(self, message: Any, topic: str) -> None:
+        row = decode.course(message, self._config.ros.gps_origin)
+        if row is not None:
+            self._feed_heading(row, topic)
+
+    def _feed_heading(self, row: decode.HeadingRow, topic: str) -> None:
+        self._in_time(row.stamp_ns, topic)
+        self._feed("headings", rows.heading_row(row))
 
     def _map(self, message: Any, topic: str) -> None:
         check_frame("the map", message.header.frame_id, self._config.ros.frames.map)

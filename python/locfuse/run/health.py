@@ -145,4 +145,5 @@ def name_of(source: _core.NamedSource, names: Names) -> str:
         _core.Source.POSES: "pose",
         _core.Source.SCANS: "scan",
         _core.Source.ALTITUDES: "altitude",
+        _core.Source.HEADINGS: "course" if name else "heading",
     }[kind]

@@ -260,6 +260,10 @@ def _add(
                                table.get("sigma_elevation_rad"))  # fmt: skip
     elif source == "altitudes":
         messages.add_altitudes(stamp, table["height_m"], table.get("sigma_m"), arrival)
+    elif source == "headings":
+        course = table.get("is_course")
+        messages.add_headings(stamp, table["heading_rad"], table.get("sigma_rad"),
+                              None if course is None else course != 0, arrival)  # fmt: skip
     else:
         pose = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
         sigma_xy, sigma_heading = table["sigma_xy_m"], table["sigma_heading_rad"]

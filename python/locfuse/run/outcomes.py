@@ -45,6 +45,7 @@ SENTENCES = {
     "unnamed": "names no landmark",
     "unnamed/positions": "names no tag, and tag_triangle fuses positions of tags",
     "no_direction": "tag on the anchor: no direction",
+    "no_direction/headings": "a course at rest, or without odometry, says no heading",
     "no_direction/odometry": "the tags do not say which way the body points",
     "no_direction/landmark_sightings": "landmark {anchor} at the sensor: no direction",
     "no_sigma": "has no usable sigma; set estimator.{kind}.sigma_m",

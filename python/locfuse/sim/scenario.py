@@ -34,8 +34,9 @@ from locfuse.types import (
 def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = None) -> Log:
     """Return the log of a simulated drive.
 
-    Path, odometry, ranges, poses, positions, faults, laser, sightings, IMU and altimeter draw from
-    children of `rng`, always spawned in that order: switching one off changes no bit of the others.
+    Path, odometry, ranges, poses, positions, faults, laser, sightings, IMU, altimeter and headings
+    draw from children of `rng`, always spawned in that order: switching one off changes no bit of
+    the others.
 
     Parameters
     ----------
@@ -50,9 +51,9 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     -------
     Log
         With tables ``odometry``, ``ranges``, ``poses``, ``positions``, ``landmark_sightings``,
-        ``altitudes``, ``scans``, ``imu`` (those that are switched on), ``truth`` at every stamp of
-        any of them but ``imu``, dropped out or not, ``anchors`` and ``landmarks``; and with the
-        grid, if there is a map.
+        ``altitudes``, ``headings``, ``scans``, ``imu`` (those that are switched on), ``truth`` at
+        every stamp of any of them but ``imu``, dropped out or not, ``anchors`` and ``landmarks``;
+        and with the grid, if there is a map.
 
     Raises
     ------
@@ -68,8 +69,8 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
     >>> len(log["ranges"]["range_m"])  # 5 anchors, 6 epochs
     30
     """
-    for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(10)
-    for_faults, for_laser, for_sightings, for_imu, for_altitudes = others
+    for_path, for_odometry, for_ranges, for_poses, for_positions, *others = rng.spawn(11)
+    for_faults, for_laser, for_sightings, for_imu, for_altitudes, for_headings = others
     grid = grid_of(scenario, base)
     driven = plan(scenario.path, scenario.room_m, scenario.duration_s, for_path, grid)
     drive = _kidnapped(driven, scenario)
@@ -87,6 +88,9 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
             drive, t, scenario.landmarks, sensor, for_sightings, flight, scenario.landmark_height_m
         ),
         "altitudes": lambda t, sensor: sensors.altitudes(flight, t, sensor, for_altitudes),
+        "headings": lambda t, sensor: sensors.headings(
+            drive, t, sensor, scenario.positions, for_headings
+        ),
         "imu": lambda t, sensor: sensors.imu(driven, t, sensor, for_imu),
     }
     named = {name: getattr(scenario, name) for name in makers}

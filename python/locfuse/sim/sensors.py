@@ -14,6 +14,7 @@ import numpy as np
 from locfuse.config.scenario import (
     AltitudeSensor,
     Flight,
+    HeadingSensor,
     ImuSensor,
     OdometrySensor,
     PoseSensor,
@@ -260,6 +261,36 @@ def altitudes(
     return {"stamp_ns": stamp_ns,
             "height_m": height + sensor.sigma_m * rng.standard_normal(len(height)),
             "sigma_m": np.full(len(height), sensor.sigma_m)}  # fmt: skip
+
+
+_COURSE_S = 0.02  # between the two places of an antenna that a course is the direction of
+_COURSE_MPS = 0.1  # below which it has none
+
+
+def headings(
+    drive: Drive, stamp_ns: StampArray, sensor: HeadingSensor, antenna: PositionSensor | None,
+    rng: np.random.Generator,
+) -> Columns:  # fmt: skip
+    """Return headings of the body, or courses of the antenna where it moves, plus white noise."""
+    t = seconds(stamp_ns)
+    true = drive.pose_at(t)[:, 2] + np.deg2rad(sensor.offset_deg)
+    is_course = sensor.kind == "course"
+    if is_course:
+        arm = (antenna.antenna_forward_m, antenna.antenna_left_m) if antenna else (0.0, 0.0)
+        ahead, behind = (
+            point_in_world(drive.pose_at(np.maximum(t + k * _COURSE_S, t[0])), (*arm, 0.0))[:, :2]
+            for k in (0.5, -0.5)
+        )
+        way = ahead - behind
+        moves = np.hypot(way[:, 0], way[:, 1]) > _COURSE_S * _COURSE_MPS
+        stamp_ns, true = stamp_ns[moves], np.arctan2(way[moves, 1], way[moves, 0])
+    sigma = np.deg2rad(sensor.sigma_deg)
+    table: Columns = {
+        "stamp_ns": stamp_ns,
+        "heading_rad": wrap_angle(true + sigma * rng.standard_normal(len(true))),
+        "sigma_rad": np.full(len(true), sigma),
+    }
+    return {**table, "is_course": np.ones(len(true))} if is_course else table
 
 
 def imu(drive: Drive, stamp_ns: StampArray, sensor: ImuSensor, rng: np.random.Generator) -> Columns:

@@ -121,7 +121,7 @@ class WorldTab:
                     forms.path((*_SIM, "path"))
                 with self._section("Sensors"), ui.element("div").classes("st-fields"):
                     for name in ("odometry", "ranges", "poses", "positions", "landmark_sightings",
-                                 "altitudes", "laser"):  # fmt: skip
+                                 "altitudes", "headings", "laser"):  # fmt: skip
                         forms.section(field_of(scenario.Scenario, name), (*_SIM, name))
                     forms.field(field_of(scenario.Scenario, "tags"), (*_SIM, "tags"))
                 with self._section("Map"), ui.element("div").classes("st-fields"):

@@ -33,6 +33,7 @@ from locfuse.config.schema import (
     BeamModel,
     Calibration,
     Estimator,
+    Heading,
     Health,
     Initializer,
     Landmark,
@@ -70,6 +71,7 @@ PAIRS: dict[str, tuple[type[Strict], type[Any], str]] = {
     "Range": (Range, _core.RangeConfig, "models/measurement/range.hpp"),
     "Position": (Position, _core.PositionConfig, "models/measurement/position.hpp"),
     "Pose": (Pose, _core.PoseConfig, "models/measurement/pose.hpp"),
+    "Heading": (Heading, _core.HeadingConfig, "models/measurement/heading.hpp"),
     "Adaptive": (Adaptive, _core.AdaptiveNoiseConfig, "estimators/adaptive_noise.hpp"),
     "Limits": (Limits, _core.Limits, "messages/limits.hpp"),
 }
@@ -416,7 +418,7 @@ KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] =
     }),
     "air": (_core.AirEkfConfig, build_air_config, {
         **{name: name for name in Estimator.model_fields
-           if name not in (*OF_THE_RUN["Estimator"], "calibration", "adaptive")},
+           if name not in (*OF_THE_RUN["Estimator"], "calibration", "adaptive", "heading")},
         **{name: f"air.{name}" for name in ("motion", "constant_velocity", "min_height_m",
                                             "max_height_m", "sigma_height_per_sqrt_s")},
         "landmark_in_space": "air.sensor_up_m",

@@ -59,6 +59,12 @@ def full_log() -> Log:
             "height_m": np.array([-0.5, 2.0]),
             "sigma_m": np.array([0.1, 0.3]),
         },
+        "headings": {
+            "stamp_ns": stamp,
+            "heading_rad": np.array([-0.5, 40.0]),
+            "sigma_rad": np.array([0.1, 0.3]),
+            "is_course": np.array([0.0, 1.0]),
+        },
         "scans": {
             "stamp_ns": stamp,
             "ranges_m": np.array([[1.0, np.nan, 2.0], [0.1, 0.2, 0.3]]),
@@ -123,6 +129,8 @@ def test_velocities_are_the_other_form_of_odometry(tmp_path: Path) -> None:
         ("landmark_sightings", ("sigma_range_m", "sigma_bearing_rad", "sigma_elevation_rad")),
         ("landmark_sightings", ("elevation_rad", "sigma_elevation_rad")),
         ("altitudes", ("sigma_m",)),
+        ("headings", ("sigma_rad",)),
+        ("headings", ("is_course",)),
         ("scans", ("intensities",)),
         ("truth", ("heading_rad",)),
     ],

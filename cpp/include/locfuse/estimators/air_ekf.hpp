@@ -92,6 +92,7 @@ class AirEkf {
   Outcome on(const Range& z);
   Outcome on(const PositionFix& z);
   Outcome on(const Altitude& z);
+  Outcome on(const Heading& z);
   Outcome on(const PoseObservation& z);
   /// Of a landmark that it names, at its height; kNotModelled without a name.
   Outcome on(const RangeBearing& z);

@@ -45,6 +45,9 @@ class Calibration {
     double anchor_offset_correlation_s = 0.0;     ///< correlation time of those; 0: constant
     double sigma_anchor_scale = 0.0;              ///< added to the anchor's
     double sigma_range_delay_s = 0.0;             ///< of all ranges behind their stamps
+    /// Of headings, beyond heading.offset_rad: a state from the first one on. Pi: unknown.
+    double sigma_heading_offset_rad = kPi;
+    double sigma_heading_offset_rad_per_sqrt_s = 0.03;  ///< by which that wanders
     bool consider = false;  ///< they are accounted for, and none is learnt (Schmidt)
   };
 
@@ -57,7 +60,8 @@ class Calibration {
 
   [[nodiscard]] bool is_empty() const { return states_.empty(); }
 
-  /// Puts the states into a belief that holds nothing but its body, each 0.
+  /// Puts the states into a belief that holds nothing but its body, each 0; the offset of headings
+  /// follows with the first heading.
   void add_to(GaussianBelief& belief) const;
   /// The body and the states, once they are in the belief.
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
@@ -77,6 +81,17 @@ class Calibration {
   [[nodiscard]] Propagation<Eigen::VectorXd, Eigen::Dynamic> wander(const GaussianBelief& belief,
                                                                     double seconds) const;
   [[nodiscard]] const std::vector<Slot>& wandering_slots() const { return offsets_; }
+
+  /// Whether the offset of headings is a state once there is one.
+  [[nodiscard]] bool learns_heading() const { return heading_sigma_ > 0.0; }
+  [[nodiscard]] bool has_heading(const GaussianBelief& belief) const {
+    return belief.dimension() > static_cast<int>(slots_.size()) + 2;
+  }
+  void add_heading_to(GaussianBelief& belief) const;
+  /// The variance that the offset of headings gets per second [rad^2/s].
+  [[nodiscard]] double heading_wander() const { return heading_wander_; }
+  /// The body and the offset of headings, once that is in the belief.
+  [[nodiscard]] const std::vector<Slot>& heading_slots() const { return heading_slots_; }
 
   /// The body and the states that a range to this anchor depends on; null if it depends on none.
   [[nodiscard]] const std::vector<Slot>* slots_of(Id anchor) const {
@@ -111,6 +126,7 @@ class Calibration {
   };
   void add(State state);
   void add_ranges(const Config& config, const AnchorMap& anchors);
+  void prepare_heading(const Config& config);
   [[nodiscard]] const AnchorStates* find(Id anchor) const;
   /// All errors of odometry and the sensor of landmarks, 0 where they are no states.
   [[nodiscard]] std::array<double, kCount> values(const GaussianBelief& belief) const;
@@ -122,6 +138,9 @@ class Calibration {
   std::vector<Slot> offsets_;         // of anchors
   double offset_variance_ = 0.0;
   double correlation_s_ = 0.0;
+  std::vector<Slot> heading_slots_;
+  double heading_sigma_ = 0.0;
+  double heading_wander_ = 0.0;
   double wander_;  // variance of the bias per second
   bool consider_;
 };

@@ -77,6 +77,7 @@ class LandmarkEkf {
   Outcome on(const RangeBearing& z);
   /// Checked, and kNotModelled: it has no height.
   Outcome on(const Altitude& z);
+  Outcome on(const Heading& z);
   /// Ranges, poses and scans are kIgnored.
   Outcome on(const Message& message);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -19,6 +20,7 @@
 #include "locfuse/maps/landmark_map.hpp"
 #include "locfuse/messages/limits.hpp"
 #include "locfuse/messages/message.hpp"
+#include "locfuse/models/measurement/heading.hpp"
 #include "locfuse/models/measurement/pose.hpp"
 #include "locfuse/models/measurement/position.hpp"
 #include "locfuse/models/measurement/range.hpp"
@@ -28,8 +30,9 @@
 namespace locfuse {
 
 /// Extended Kalman filter over (x, y, heading) in world: odometry predicts; ranges, positions,
-/// poses and landmarks correct (ekim2020, section 2.1; wells, eq. 12 to 14). Errors of odometry and
-/// of the sensor of landmarks that stay may be learnt on the way: Config::calibration.
+/// poses, headings and landmarks correct (ekim2020, section 2.1; wells, eq. 12 to 14). Errors of
+/// odometry, of headings and of the sensor of landmarks that stay may be learnt on the way:
+/// Config::calibration.
 ///
 /// A cheap value: copying it is a snapshot. Every `on` throws std::invalid_argument for a message
 /// that is not valid and NumericalError where numbers break. A message that is not fused, for
@@ -41,6 +44,7 @@ class PoseEkf {
     RangeModel::Config range;
     PositionModel::Config position;
     PoseModel::Config pose;
+    HeadingModel::Config heading;
     RangeBearingModel::Config landmark;
     Calibration::Config calibration;
     Limits limits;
@@ -75,6 +79,8 @@ class PoseEkf {
   Outcome on(const RangeBearing& z);
   /// Checked, and kNotModelled: it has no height.
   Outcome on(const Altitude& z);
+  /// A course needs odometry, which says in what direction the body travels.
+  Outcome on(const Heading& z);
   /// Scans are kIgnored.
   Outcome on(const Message& message);
 
@@ -133,12 +139,14 @@ class PoseEkf {
     RangeModel range;
     PositionModel position;
     PoseModel pose;
+    HeadingModel heading;
     RangeBearingModel landmark;
     Calibration calibration;
     std::shared_ptr<const LandmarkMap> landmarks;  // never null
     Gate range_gate;
     Gate position_gate;
     Gate pose_gate;
+    Gate heading_gate;
     Gate landmark_gate;
     NoiseShape range_noise;
     NoiseShape position_noise;
@@ -161,9 +169,16 @@ class PoseEkf {
   template <class Change>
   void change_without_poses(const Change& change);
   Outcome correct_by(const Range& z, const Gate& gate);
+  [[nodiscard]] double turn_of(const Velocity& u) const;
+  [[nodiscard]] static double turn_of(const Increment& u);
+  void count_turn(double turn);
+  Outcome fuse_direction(const Heading& z);
+  Outcome fuse_with_offset(const Heading& z);
+  Outcome begin_with_offset(const Heading& z);
   Outcome fuse_localizer(const PoseObservation& z);
   [[nodiscard]] double make_honest(Linearization<Eigen::Dynamic, 3, 3>& lin,
                                    const PoseSource::Compared& z) const;
+  [[nodiscard]] Pose2 body_rate() const;
   [[nodiscard]] Vector<3> world_rate() const;
   [[nodiscard]] bool is_overdue(Stamp stamp) const;
   void keep_without_poses_linear();
@@ -179,6 +194,13 @@ class PoseEkf {
   GaussianBelief belief_;
   std::optional<GaussianBelief> without_poses_;  // the same, from the first pose on
   PoseSource pose_source_;
+  struct Reading {
+    double heading;
+    double turned;  // by odometry, since it was read first
+    double most;    // of that to either side
+    [[nodiscard]] bool is_of(const Heading& z) const;
+  };
+  std::array<std::optional<Reading>, 2> readings_;  // the last heading and the last course
   Slot body_;
   HeldMotion odometry_;
   AdaptiveNoise adaptive_;

@@ -73,6 +73,7 @@ class TagTriangleEkf {
   Outcome on(const Range& z);
   /// Checked, and kNotModelled: it has no height.
   Outcome on(const Altitude& z);
+  Outcome on(const Heading& z);
   /// Poses, sightings and scans are kIgnored.
   Outcome on(const Message& message);
 

@@ -38,6 +38,9 @@ void predict(GaussianBelief& belief, const Propagation<Eigen::VectorXd, Eigen::D
 template <int N>
 void predict(GaussianBelief& belief, const Propagation<Vector<N>, N>& step, Slots slots);
 
+/// Adds to the variance of a variable of one number, which wanders.
+void diffuse(GaussianBelief& belief, Slot slot, double variance);
+
 /// Fuses a measurement, or gates it; eq. (1.1) to (1.6) of docs/models/updates.md.
 ///
 /// `slots` are the variables that the Jacobian's columns stand for, in order. The belief is updated

@@ -37,7 +37,7 @@ enum class Reason : std::uint8_t {
   kUnknownTag,
   kUnknownLandmark,
   kUnnamed,      ///< it names no tag or landmark, which this estimator needs
-  kNoDirection,  ///< at the anchor or landmark itself
+  kNoDirection,  ///< at the anchor or landmark itself; a course at rest or without odometry
   kNoSigma,      ///< neither it nor the config says how good it is
   kNoDuration,   ///< a motion without duration has no velocity
   kIncomplete,   ///< without range or bearing it cannot place a new landmark

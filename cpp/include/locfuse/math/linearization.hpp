@@ -14,7 +14,7 @@
 namespace locfuse {
 
 /// Kinds of measurements, for each of which it is learnt how correlated its errors are.
-inline constexpr std::size_t kErrorKinds = 7;
+inline constexpr std::size_t kErrorKinds = 8;
 
 /// The name of a source ends with its id, and that with the number of the row of what it measures.
 inline constexpr unsigned kBitsOfId = 32;

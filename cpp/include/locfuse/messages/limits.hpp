@@ -26,6 +26,7 @@ void validate(const Limits& limits);
 [[nodiscard]] bool is_plausible(const PositionFix& message, const Limits& limits);
 [[nodiscard]] bool is_plausible(const PoseObservation& message, const Limits& limits);
 [[nodiscard]] bool is_plausible(const Altitude& message, const Limits& limits);
+[[nodiscard]] bool is_plausible(const Heading& message, const Limits& limits);
 [[nodiscard]] bool is_plausible(const RangeBearing& message, const Limits& limits);
 
 }  // namespace locfuse

@@ -14,7 +14,7 @@ namespace locfuse {
 /// Variant of all messages: the register of sensors in C++. Code that handles all of them visits
 /// it, so that the compiler reports where a new one is missing.
 using Message = std::variant<Velocity, Increment, Range, PositionFix, PoseObservation, RangeBearing,
-                             Altitude, LaserScan, Imu>;
+                             Altitude, LaserScan, Imu, Heading>;
 
 /// Stamp at which a message takes effect: its own, or for an Increment the beginning of the motion.
 [[nodiscard]] inline Stamp effective_stamp(const Increment& message) { return message.begin; }
@@ -40,14 +40,16 @@ enum class Source : std::uint8_t {
   kSightings,
   kScans,
   kAltitudes,
+  kHeadings,
   kImu
 };
-constexpr std::size_t kSources = 8;
+constexpr std::size_t kSources = 9;
 
 [[nodiscard]] inline Source source_of(const Message& message) {
   constexpr Source kOf[] = {Source::kOdometry,  Source::kOdometry, Source::kRanges,
                             Source::kPositions, Source::kPoses,    Source::kSightings,
-                            Source::kAltitudes, Source::kScans,    Source::kImu};
+                            Source::kAltitudes, Source::kScans,    Source::kImu,
+                            Source::kHeadings};
   static_assert(std::size(kOf) == std::variant_size_v<Message>);
   return kOf[message.index()];
 }

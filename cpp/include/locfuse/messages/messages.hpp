@@ -91,6 +91,15 @@ struct Altitude {
   std::optional<double> sigma = {};  ///< [m]; else that of the model
 };
 
+/// Heading of the body in world: of a magnetometer, the orientation of an inertial unit or two
+/// antennas. Of GPS it is the course, in which its antenna travels.
+struct Heading {
+  Stamp stamp = 0;
+  double heading = 0.0;              ///< counter-clockwise from the x axis of world [rad]
+  std::optional<double> sigma = {};  ///< [rad]; else that of the model
+  bool is_course = false;            ///< whether it is the direction of travel of the antenna
+};
+
 /// Observation of a landmark by a sensor on the body: range, bearing or both of its centre; from a
 /// flying body also the elevation. The range is along the line of sight.
 struct RangeBearing {
@@ -143,6 +152,7 @@ void validate(const Range& message);
 void validate(const PositionFix& message);
 void validate(const PoseObservation& message);
 void validate(const Altitude& message);
+void validate(const Heading& message);
 /// Observation in the plane: an elevation is refused, as its range is not in the plane.
 void validate(const RangeBearing& message);
 /// Observation from a flying body.

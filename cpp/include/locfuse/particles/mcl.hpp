@@ -70,6 +70,7 @@ class Mcl {
   Outcome on(const RangeBearing& z);
   /// Checked, and kNotModelled: it has no height.
   Outcome on(const Altitude& z);
+  Outcome on(const Heading& z);
   Outcome on(const Message& message);
 
   /// The same Mcl, at a pose.

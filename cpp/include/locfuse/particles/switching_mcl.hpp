@@ -67,6 +67,7 @@ class SwitchingMcl {
   Outcome on(const RangeBearing& z);
   /// Checked, and kNotModelled: it has no height.
   Outcome on(const Altitude& z);
+  Outcome on(const Heading& z);
   Outcome on(const Message& message);
 
   /// The same estimator, with particles and the UWB filter at a pose.

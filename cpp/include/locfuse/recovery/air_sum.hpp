@@ -41,6 +41,7 @@ class AirSum {
   Outcome on(const Increment& u);
   Outcome on(const PositionFix& z);
   Outcome on(const Altitude& z);
+  Outcome on(const Heading& z);
   Outcome on(const PoseObservation& z);
   Outcome on(const RangeBearing& z);
 

@@ -69,6 +69,9 @@ struct NamedSource {
 [[nodiscard]] inline NamedSource named_source_of(const Altitude& /*z*/) {
   return {Source::kAltitudes, NamedSource::kUnnamed};
 }
+[[nodiscard]] inline NamedSource named_source_of(const Heading& z) {
+  return {Source::kHeadings, z.is_course ? 1 : NamedSource::kUnnamed};
+}
 
 /// How well a scan fits a pose on a map.
 struct ScanEvidence {
@@ -143,7 +146,7 @@ class Health {
   void start(Stamp stamp, double wrong = 0.0);
 
   /// Records the outcome of a measurement, with the limit of its gate and its outlier volume. An
-  /// altitude is counted, but says nothing of the pose: it fits anywhere.
+  /// altitude or a heading is counted, but says nothing of the place: it fits anywhere.
   void record(const NamedSource& source, Stamp stamp, const Outcome& outcome, double limit,
               double outlier_volume);
   /// Records a scan; eq. (10) to (12) of docs/health.md.
@@ -157,6 +160,7 @@ class Health {
   [[nodiscard]] double outlier_volume(const PoseObservation& z) const;
   [[nodiscard]] double outlier_volume(const RangeBearing& z) const;
   [[nodiscard]] double outlier_volume(const Altitude& z) const;
+  [[nodiscard]] double outlier_volume(const Heading& z) const;
 
   /// How far `estimate`, that of the recorded measurements, may be trusted. Throws
   /// std::invalid_argument, as do all methods that take a stamp, beyond +-kStampLimit.

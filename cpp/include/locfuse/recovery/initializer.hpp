@@ -96,6 +96,7 @@ class Initializer {
   void on(const RangeBearing& z);
   void on(const LaserScan& z);
   void on(const Altitude& z) { validate(z); }  ///< of no use
+  void on(const Heading& z);                   ///< weighs the hypotheses there are
   void on(const Imu& z) { validate(z); }       ///< of no use
   void on(const Message& message);
 

@@ -69,6 +69,7 @@ class RecoveringEkf {
   Outcome on(const RangeBearing& z);
   /// kNotModelled unless is_in_space.
   Outcome on(const Altitude& z);
+  Outcome on(const Heading& z);
   Outcome on(const Message& message);
   /// Of use while it has no place or is lost; kIgnored.
   Outcome on(const LaserScan& z);

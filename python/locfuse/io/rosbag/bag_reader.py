@@ -129,6 +129,10 @@ class _BagReader:
             ("altitudes", self._altitude),
         ):
             self.readers |= dict.fromkeys(ros.topics.of(key), (key, reader))
+        self.readers |= dict.fromkeys(ros.topics.of("courses"), ("headings", self._course))
+        headings = dict.fromkeys(ros.topics.of("headings"), ("headings", self._heading))
+        self.orientations = set(headings) & set(self.readers)  # of an IMU that is read anyway
+        self.readers = headings | self.readers
 
     def read(self, bag: Bag) -> None:
         """Read all messages of the topics that have a reader."""
@@ -161,15 +165,33 @@ class _BagReader:
                 self.contents.skip(topic, str(error))
 
     def _read(self, topic: str, time_ns: int, message: Any) -> None:
-        stem, reader = self.readers[topic]
-        found = reader(message, topic)
-        for row in found:
+        found = self._rows_of(topic, message)
+        for _, row in found:
             if row.get("stamp_ns", 0) >= MAX_STAMP_NS:
                 raise MessageError(f"the stamp is {row['stamp_ns']} ns, which is beyond any time")
         self.contents.count(topic, 1)
-        for row in found:
+        for stem, row in found:
             record = {} if stem == "relations" else {"record_ns": time_ns}
             self.contents.tables.setdefault(stem, Blocks()).append({**record, **row})
+
+    def _rows_of(self, topic: str, message: Any) -> list[tuple[str, Row]]:
+        """Return rows, each with its table; of an IMU gyro and orientation where they are there.
+
+        Raises MessageError if nothing of a message can be used.
+        """
+        stem, reader = self.readers[topic]
+        if topic not in self.orientations:
+            return [(stem, row) for row in reader(message, topic)]
+        found: list[tuple[str, Row]] = []
+        refused: list[MessageError] = []
+        for one, read in ((stem, reader), ("headings", self._heading)):
+            try:
+                found += [(one, row) for row in read(message, topic)]
+            except MessageError as error:
+                refused.append(error)
+        if len(refused) > 1:
+            raise refused[0]
+        return found
 
     def _skip_one(self, topic: str, error: MessageError) -> None:
         """Leave out one measurement of several in a message."""
@@ -341,6 +363,13 @@ class _BagReader:
             return []
         check_frame("altitudes", row.frame, self.contents.ros.frames.map)
         return [{"sigma_m": np.nan, **rows.altitude_row(row)}]
+
+    def _heading(self, message: Any, _: str) -> list[Row]:
+        return [rows.heading_row(decode.heading(message, self.contents.ros.gps_origin))]
+
+    def _course(self, message: Any, _: str) -> list[Row]:
+        row = decode.course(message, self.contents.ros.gps_origin)
+        return [] if row is None else [rows.heading_row(row)]
 
     def _transforms(self, message: Any, _: str) -> list[Row]:
         self.contents.tree.add(decode.transforms(message))

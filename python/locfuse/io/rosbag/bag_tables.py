@@ -191,6 +191,12 @@ def _table_scans(contents: BagContents, raw: Columns) -> Columns:
     return raw
 
 
+def _table_headings(contents: BagContents, raw: Columns) -> Columns:
+    if not raw["is_course"].any():
+        raw.pop("is_course")
+    return _known("headings", ("sigma_rad",), contents, raw)
+
+
 def _table_truth(contents: BagContents, raw: Columns) -> Columns:
     if np.isnan(raw["heading_rad"]).any():
         raw.pop("heading_rad")
@@ -222,6 +228,7 @@ FINISHED: dict[str, Callable[[BagContents, Columns], Columns]] = {
     "ranges": partial(_known, "ranges", ("sigma_m",)),
     "landmark_sightings": _table_sightings,
     "altitudes": partial(_known, "altitudes", ("sigma_m",)),
+    "headings": _table_headings,
     "positions": _table_positions,
     "scans": _table_scans,
     "truth": _table_truth,

@@ -51,7 +51,7 @@ def _say_of_two_voices(contents: BagContents, bag: Bag) -> None:
 
 def _silent(contents: BagContents, bag: Bag) -> Iterator[tuple[str, str]]:
     there = {connection.topic for connection in bag.counts}
-    for key in (*TYPES, "altitudes", "anchors", "landmarks", "truth"):
+    for key in (*TYPES, "altitudes", "headings", "courses", "anchors", "landmarks", "truth"):
         for topic in contents.ros.topics.of(key):
             if topic not in there:
                 yield key, topic

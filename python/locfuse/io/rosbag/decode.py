@@ -43,6 +43,9 @@ SHARED = 8  # beams of one reading, from which on it may be a counter that ended
 GAP = 0.5  # of that reading, which nothing else may exceed
 MIN_LENGTH = 1e-12  # squared, of a quaternion that was set
 NOT_MEASURED_M = 1e6  # a sigma of infinity, as a log can have it
+NOT_MEASURED_RAD = 10.0
+SIGMA_GROUND_MPS = 0.1  # of a velocity over ground that comes without a sigma
+MIN_COURSE_SIGMAS = 3.0  # below which a velocity has no direction
 
 
 P = ParamSpec("P")
@@ -194,6 +197,15 @@ class AltitudeRow(NamedTuple):
     height_m: float
     sigma_m: float | None
     frame: str
+
+
+class HeadingRow(NamedTuple):
+    """Heading of the body, or course; `sigma_rad` is None where not known."""
+
+    stamp_ns: int
+    heading_rad: float
+    sigma_rad: float | None
+    is_course: bool
 
 
 class TransformRow(NamedTuple):
@@ -659,6 +671,57 @@ def altitude(message: Any) -> AltitudeRow | None:
         raise MessageError("the variance of z is NaN, expected 0 where it is not known")
     known = variance > 0.0
     return AltitudeRow(stamp, z, min(math.sqrt(variance), NOT_MEASURED_M) if known else None, frame)
+
+
+@is_message("sensor_msgs/Imu or geometry_msgs/QuaternionStamped")
+def heading(message: Any, origin: Origin | None) -> HeadingRow:
+    """Return where an orientation points in the plane: an Imu's, or a QuaternionStamped.
+
+    `origin` is that of the map, from whose x axis headings count. Raises MessageError if it is
+    something else, its stamp is 0, or it has no orientation.
+    """
+    stamp, sigma = stamped(message.header), None
+    if hasattr(message, "quaternion"):
+        turned = message.quaternion
+    else:
+        turned, covariance = message.orientation, message.orientation_covariance
+        if float(covariance[0]) == -1.0:
+            raise MessageError("orientation is marked as not measured (covariance -1)")
+        variance = float(covariance[8])
+        if math.isnan(variance):
+            raise MessageError("the variance of yaw is NaN, expected 0 where it is not known")
+        sigma = min(math.sqrt(variance), NOT_MEASURED_RAD) if variance > 0.0 else None
+    return HeadingRow(stamp, _from_map(heading_of(turned), origin), sigma, False)
+
+
+@is_message("geometry_msgs/TwistWithCovarianceStamped or TwistStamped")
+def course(message: Any, origin: Origin | None) -> HeadingRow | None:
+    """Return in which direction a velocity over ground points; None of one that hardly moves.
+
+    Raises MessageError if it is something else, its stamp is 0, or a number not finite.
+    """
+    stamp, twist, sigma = stamped(message.header), message.twist, SIGMA_GROUND_MPS
+    is_known = True
+    if hasattr(twist, "twist"):
+        variances = float(twist.covariance[0]), float(twist.covariance[7])
+        if any(map(math.isnan, variances)):
+            raise MessageError("the variances of the velocity are NaN, expected 0 where they are "
+                               "not known")  # fmt: skip
+        is_known = variances[0] != -1.0
+        sigma = math.sqrt(0.5 * sum(variances)) if min(variances) > 0.0 else sigma
+        twist = twist.twist
+    east, north = float(twist.linear.x), float(twist.linear.y)
+    _finite((east, "twist.linear.x"), (north, "twist.linear.y"))
+    speed = math.hypot(east, north)
+    if not speed > MIN_COURSE_SIGMAS * sigma:
+        return None
+    direction = _from_map(math.atan2(north, east), origin)
+    return HeadingRow(stamp, direction, sigma / speed if is_known else None, True)
+
+
+def _from_map(heading: float, origin: Origin | None) -> float:
+    """Return a heading from the map's x axis of one from east."""
+    return float(_core.wrap_angle(heading - math.radians(origin[2] if origin else 0.0)))
 
 
 @is_message("nav_msgs/OccupancyGrid")

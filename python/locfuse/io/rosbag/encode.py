@@ -321,6 +321,34 @@ def altitude(topic: str, stamp_ns: int, z: float, sigma: float | None, frame: st
                                 height=(z, sigma * sigma))  # fmt: skip
 
 
+def heading(topic: str, stamp_ns: int, angle: float, sigma: float, frame: str) -> Publication:
+    """Return a sensor_msgs/Imu with nothing but a yaw; without a sigma its variance is 0."""
+    unknown = np.concatenate([[-1.0], np.zeros(8)])
+    yaw = 0.0 if math.isnan(sigma) else sigma * sigma
+    fields = {"header": header(stamp_ns, frame), "orientation": quaternion(angle),
+              "orientation_covariance": np.diag([0.0, 0.0, yaw]).ravel(),
+              "angular_velocity": _point(0.0, 0.0), "angular_velocity_covariance": unknown,
+              "linear_acceleration": _point(0.0, 0.0),
+              "linear_acceleration_covariance": unknown}  # fmt: skip
+    return Publication(topic, "sensor_msgs/Imu", fields)
+
+
+def course(topic: str, stamp_ns: int, angle: float, sigma: float, frame: str) -> Publication:
+    """Return a geometry_msgs/TwistWithCovarianceStamped of 1 m/s in that direction.
+
+    Without a sigma its covariance is marked as not known.
+    """
+    variance = -1.0 if math.isnan(sigma) else sigma * sigma
+    linear = _point(math.cos(angle), math.sin(angle))
+    twist = {"linear": linear, "angular": _point(0.0, 0.0)}
+    covariance = np.diag([variance, variance, *[0.0] * 4]).ravel()
+    fields = {
+        "header": header(stamp_ns, frame),
+        "twist": {"twist": twist, "covariance": covariance},
+    }
+    return Publication(topic, "geometry_msgs/TwistWithCovarianceStamped", fields)
+
+
 def tag_position(topic: str, row: decode.FixRow) -> Publication:
     """Return a locfuse_msgs/TagPosition."""
     fields = {"header": header(row.stamp_ns, row.frame), "tag": row.tag,

@@ -20,7 +20,7 @@ from locfuse.io.rosbag import encode
 from locfuse.io.rosbag.decode import FixRow, ImuRow, RangeRow, ScanRow, SightingRow, TruthRow
 from locfuse.io.rosbag.encode import Publication
 from locfuse.io.rosbag.increments import poses_of
-from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError
+from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, LogError, wrap_angle
 
 LASER_FRAME, SIGHT_FRAME = "laser", "landmark_sensor"
 
@@ -88,6 +88,7 @@ class LogPublications:
     def __init__(self, log: Log, ros: Ros, shift_ns: int = 0, everything: bool = False) -> None:
         self._log, self._topics, self._shift_ns = log, ros.topics, shift_ns
         self._everything = everything
+        self._turned = math.radians(ros.gps_origin[2]) if ros.gps_origin else 0.0  # from east
         self.map, self.odom = plain(ros.frames.map), plain(ros.frames.odom)
         self._base = plain(ros.frames.base)
         taken = {self.map, self.odom, self._base, LASER_FRAME, SIGHT_FRAME, *log.lasers}
@@ -112,6 +113,7 @@ class LogPublications:
             "imu": self._imu, "odometry": self._odometry, "ranges": self._ranges,
             "positions": self._positions, "poses": self._poses,
             "landmark_sightings": self._sightings, "altitudes": self._altitudes,
+            "headings": self._headings,
             "scans": self._scans, "truth": self._truth,
         }  # fmt: skip
         found: list[Stream] = []
@@ -209,6 +211,20 @@ class LogPublications:
         rows = zip(_rows(table, "height_m"), sigmas, strict=False)
         yield Stream(table["record_ns"], (encode.altitude(topic, stamp, height, sigma, self.map)
                                           for (stamp, height), sigma in rows))  # fmt: skip
+
+    def _headings(self, topic: str, table: Columns) -> Iterator[Stream]:
+        """Return headings, and on a topic of their own courses."""
+        n = len(table["stamp_ns"])
+        table = {"sigma_rad": np.full(n, math.nan), "is_course": np.zeros(n), **table}
+        is_course = table["is_course"] != 0
+        table["heading_rad"] = wrap_angle(table["heading_rad"] + self._turned)
+        for name, make, chosen in ((topic, encode.heading, ~is_course),
+                                   (self._topic("courses"), encode.course, is_course)):  # fmt: skip
+            if name is not None and chosen.any():
+                some = {key: values[chosen] for key, values in table.items()}
+                rows = _rows(some, "heading_rad", "sigma_rad")
+                messages = starmap(partial(make, name, frame=self._base), rows)
+                yield Stream(some["record_ns"], messages)
 
     def _scans(self, topic: str, table: Columns) -> Iterator[Stream]:
         if not self._log.has_laser:

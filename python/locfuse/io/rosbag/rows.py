@@ -14,6 +14,7 @@ from locfuse.io.rosbag.decode import (
     NOT_MEASURED_M,
     AltitudeRow,
     FixRow,
+    HeadingRow,
     ImuRow,
     MessageError,
     Mount,
@@ -155,3 +156,10 @@ def altitude_row(row: AltitudeRow) -> Row:
     """Return an altitude; without ``sigma_m`` where that is not known."""
     found: Row = {"stamp_ns": row.stamp_ns, "height_m": row.height_m}
     return found if row.sigma_m is None else {**found, "sigma_m": row.sigma_m}
+
+
+def heading_row(row: HeadingRow) -> Row:
+    """Return a heading or a course; ``sigma_rad`` is NaN where that is not known."""
+    return {"stamp_ns": row.stamp_ns, "heading_rad": row.heading_rad,
+            "sigma_rad": math.nan if row.sigma_rad is None else row.sigma_rad,
+            "is_course": float(row.is_course)}  # fmt: skip
