@@ -57,7 +57,7 @@ def proposal(path: Path, base: Path, world: str = "world") -> Proposal:
              *_keys(log),
              *([("ros.world", world, filled)] if files else []),
              *((f"ros.topics.{key}", *found) for key, found in topics.items())]  # fmt: skip
-    text = "".join(_written(lines))
+    text = "".join(written(lines))
     config = parse_config(yaml.safe_load(text))
     if files:  # of which `check` has nothing else to say
         return Proposal(text, files)
@@ -204,7 +204,7 @@ def _relative(path: Path, base: Path) -> str:
     return str(path.relative_to(base)) if path.is_relative_to(base) else str(path)
 
 
-def _written(lines: list[tuple[str, Any, str]]) -> Iterator[str]:
+def written(lines: list[tuple[str, Any, str]]) -> Iterator[str]:
     """Yield YAML with a comment for each value; keys of a section must follow one another."""
     open_sections: list[str] = []
     for key, value, why in sorted(lines, key=lambda line: line[0].split(".")[:-1]):

@@ -11,11 +11,12 @@ import typer
 import yaml
 
 from locfuse.check.proposal import proposal
+from locfuse.check.robot_localization import from_robot_localization as made_of
 from locfuse.cli.inputs import ConfigFile
 from locfuse.cli.terminal import visible
 from locfuse.config.base import changed_keys
 from locfuse.config.json_schema import json_schema
-from locfuse.config.load import load_config
+from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.io.whole import write_whole
 from locfuse.types import ConfigError
@@ -62,6 +63,28 @@ def init(
     files = " and ".join(visible(str(world / name)) for name in made.world)
     gaps = f"fill in {files}, then " if made.world else ""
     print(f"\nwrote {visible(str(out))}; next: {gaps}locfuse run {visible(str(out))} --out out/run")
+
+
+@app.command()
+def from_robot_localization(
+    parameters: Annotated[Path, typer.Argument(help="YAML with the parameters of its nodes.")],
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("config.yaml"),
+) -> None:
+    """Write a configuration that does what one of robot_localization asks for."""
+    if out.exists():
+        raise ConfigError(f"{out}: is there already; name another file with --out")
+    try:
+        given = parameters.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{parameters}: cannot be read ({error})") from error
+    try:
+        text = made_of(given)
+    except ConfigError as error:
+        raise ConfigError(f"{parameters}: {error}") from error
+    parse_config(yaml.safe_load(text))
+    write_whole(out, text)
+    print(text, end="")
+    print(f"\nwrote {visible(str(out))}; next: locfuse check {visible(str(out))} --log BAG")
 
 
 @app.command()
