@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write results/papers.md and the papers' rows of README.md; --check compares.
+"""Write results/papers.md and the papers' rows of results/README.md; --check compares.
 
 Both are made of results/papers.json, which `locfuse reproduce all` leaves.
 """
@@ -16,7 +16,8 @@ sys.path[0] = str(ROOT)  # otherwise `papers` is this file
 
 from papers.page import FIVE, HEAD, OURS, PAPERS_IN_ORDER, Repeated, cells_of, judge, read_rows  # noqa: E402
 
-ROWS, PAGE, README = ROOT / "results/papers.json", ROOT / "results/papers.md", ROOT / "README.md"
+RESULTS = ROOT / "results"
+ROWS, PAGE, README = RESULTS / "papers.json", RESULTS / "papers.md", RESULTS / "README.md"
 BEGIN, END = "<!-- rows of the papers, by scripts/paper_tables.py -->", "<!-- end of these rows -->"
 
 TOP = """# Five papers, repeated
@@ -94,7 +95,7 @@ def _table(rows: list[list[str]], line: str) -> str:
 
 
 def readme_with(repeated: list[Repeated]) -> str:
-    """Return README.md with the rows of the papers made anew."""
+    """Return results/README.md with the rows of the papers made anew."""
     text = README.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
@@ -102,7 +103,7 @@ def readme_with(repeated: list[Repeated]) -> str:
 
 
 def rows_of(repeated: list[Repeated]) -> str:
-    """Return the table of README.md."""
+    """Return the table of results/README.md."""
     values = {row["id"]: row for one in repeated for row in one.claims}
     seeds = {one.paper: one.seeds for one in repeated}
     lines = ["| paper | data | ours | the paper | command |", "|---|---|---|---|---|"]
