@@ -80,8 +80,8 @@ void code(Io& io, PoseEkf::Config& config) {
   code(io, way, 3);
   if (way > 0) {
     const double correlation_s = way == 2 ? 0.0 : 5.0;
-    config.calibration = {0.05, 0.05, 0.05, 0.01,          0.001, 0.05, 0.02,    0.1,
-                          0.02, 0.05, 0.2,  correlation_s, 0.01,  0.05, way == 2};
+    config.calibration = {0.05, 0.05, 0.05,          0.01, 0.001, 0.05, 0.02, 0.1,     0.02,
+                          0.05, 0.2,  correlation_s, 0.01, 0.05,  kPi,  0.03, way == 2};
   }
   code_noise(io, config);
 }

@@ -43,7 +43,7 @@ def headings_against_odometry(context: Context) -> Iterator[Finding]:
                              )  # fmt: skip
         if slope < -0.5:
             yield error(f"{what} turn clockwise while odometry turns counter-clockwise", _FILE,
-                        "a compass and NED frames count clockwise from north: write pi / 2 minus "
+                        "a compass counts clockwise from north: write pi / 2 minus "
                         "each")  # fmt: skip
         elif abs(slope) < 0.5 < abs(in_degrees) and np.ptp(heading) > 4.0 * np.pi:
             yield error(f"{what} reach {np.max(np.abs(heading)):.4g}: degrees?", _FILE,
