@@ -253,8 +253,7 @@ void bind_messages(py::module_& m) {
       m, "Heading",
       "Heading [rad] of the body in world, counter-clockwise from x: of a magnetometer, the "
       "orientation of an inertial unit or two antennas. With `is_course` the direction in which "
-      "the "
-      "antenna of GPS travels. `sigma` [rad] defaults to that of the model.")
+      "the antenna of GPS travels. `sigma` [rad] defaults to that of the model.")
       .def(py::init([](Stamp stamp, double heading, std::optional<double> sigma, bool is_course) {
              return checked(Heading{stamp, heading, sigma, is_course});
            }),

@@ -20,7 +20,6 @@ for step in range(100):
         late = int(rng.integers(0, SECOND // 2))
         messages.append((stamp + late, lf.Range(stamp, 0, i, away + rng.normal(0, 0.1), 0.1)))
 
-
 poses = []
 for in_time in (True, False):
     live = lf.Live(lf.RecoveringEkf(lf.RecoveringEkfConfig(), world))

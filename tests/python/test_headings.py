@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import parse_config
-from locfuse.eval.dead_reckoning import at_times
+from locfuse.eval.errors import errors_against
 from locfuse.io.log_folder import read_log, write_log
 from locfuse.io.rosbag.bag_reader import read_bag
 from locfuse.io.rosbag.bag_writer import write_bag
 from locfuse.io.rosbag.decode import HeadingRow, MessageError, course, heading
 from locfuse.run.run import load_log, run
-from locfuse.types import FloatArray, RunResult, wrap_angle
+from locfuse.types import FloatArray, RunResult
 
 SEEDS = range(40, 52)
 FIELD: dict[str, Any] = {
@@ -51,12 +51,11 @@ def runs(headings: dict[str, Any] | None, **changes: Any) -> Iterator[RunResult]
 
 def errors_of(result: RunResult) -> FloatArray:
     """Return how far x, y and heading are off at each stamp of the estimate."""
-    estimate = result.estimate
     assert result.truth is not None
-    assert estimate.heading is not None
-    truth = at_times(result.truth, estimate.stamp_ns)
-    turned = wrap_angle(estimate.heading - truth[:, 2])
-    off: FloatArray = np.column_stack([estimate.position - truth[:, :2], turned])
+    found = errors_against(result.estimate, result.truth)
+    assert found.heading is not None
+    assert len(found.heading) == len(result.estimate)
+    off: FloatArray = np.column_stack([found.position, found.heading])
     return off
 
 

@@ -604,9 +604,6 @@ Outcome PoseEkf::fuse_with_offset(const Heading& z) {
 
 /// The same of the first one, which what it reads more becomes a state for.
 Outcome PoseEkf::begin_with_offset(const Heading& z) {
-  if (z.stamp < belief_.stamp) {
-    return {Verdict::kStale, Reason::kBeforeEstimate};
-  }
   PoseEkf before = *this;
   recipe_->calibration.add_heading_to(belief_);
   if (without_poses_) {

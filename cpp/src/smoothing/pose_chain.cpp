@@ -137,22 +137,10 @@ class Builder {
                      return models->landmark.linearize(pose, at, z);
                    }));
   }
-  Outcome on(const Altitude& z, std::size_t /*message*/) {
-    validate(z);
-    return {Verdict::kIgnored, Reason::kNotUsed};
-  }
-  Outcome on(const Heading& z, std::size_t /*message*/) {
-    validate(z);
-    return {Verdict::kIgnored, Reason::kNotUsed};
-  }
-  Outcome on(const LaserScan& z, std::size_t /*message*/) {
-    validate(z);
-    return {Verdict::kIgnored, Reason::kNotUsed};
-  }
-  Outcome on(const Imu& z, std::size_t /*message*/) {
-    validate(z);
-    return {Verdict::kIgnored, Reason::kNotUsed};
-  }
+  Outcome on(const Altitude& z, std::size_t /*message*/) { return ignored(z); }
+  Outcome on(const Heading& z, std::size_t /*message*/) { return ignored(z); }
+  Outcome on(const LaserScan& z, std::size_t /*message*/) { return ignored(z); }
+  Outcome on(const Imu& z, std::size_t /*message*/) { return ignored(z); }
 
   /// The last pose is where odometry ends.
   PoseChain finish(std::vector<Outcome> outcomes) {
@@ -173,6 +161,12 @@ class Builder {
   }
 
  private:
+  template <class M>
+  static Outcome ignored(const M& z) {
+    validate(z);
+    return {Verdict::kIgnored, Reason::kNotUsed};
+  }
+
   static Stamp keyframe_of(const SmootherConfig& config) {
     constexpr double kLeast = 1e-3;  // [s]
     if (!(config.keyframe_s >= kLeast)) {

@@ -43,6 +43,7 @@ _OF_SENSOR = {  # after its name
     "relative": "what headings read more is learnt: estimator.calibration",
     "remove_gravitational_acceleration": "accelerations are not fused",
 }  # fmt: skip
+_TOPICS = "ros.topics."
 _GATE = "gates are probabilities, such as estimator.position.gate"
 
 
@@ -60,6 +61,12 @@ class _Made:
     def use(self, source: str) -> None:
         if source not in self.uses:
             self.uses.append(source)
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """The topics so far, by source."""
+        return {key.removeprefix(_TOPICS): value for key, (value, _) in self.values.items()
+                if key.startswith(_TOPICS)}  # fmt: skip
 
     def number(self, name: str, value: Any) -> float | None:
         """Return a finite number, or say of which key the value is none."""
@@ -111,7 +118,7 @@ def from_robot_localization(text: str) -> str:
         nodes = _named(_parsed(text))
     except RecursionError as error:
         raise ConfigError("it is nested too deeply for parameters of nodes") from error
-    filters = {name: given for name, given in nodes.items() if any(map(_SENSOR.fullmatch, given))}
+    filters = {name: given for name, given in nodes.items() if _is_filter(given)}
     if not filters:
         raise ConfigError("no odom0, pose0, twist0 or imu0 in it; expected the parameters of an "
                           "ekf_node of robot_localization")  # fmt: skip
@@ -124,10 +131,11 @@ def from_robot_localization(text: str) -> str:
     for sensor in sorted(filter(_SENSOR.fullmatch, chosen)):
         _sensor(sensor, chosen, made)
     for other, given in nodes.items():
-        if (other == name or other not in filters) and any(key in given for key in _NAVSAT):
+        if other != name and other in filters:
+            continue
+        if _is_navsat(given):
             _navsat(other, given, made)
-        if other == name or other not in filters:
-            _rest(other, given, made)
+        _rest(other, given, made)
     if not made.uses:
         raise ConfigError(f"{_shown(name)} fuses nothing that locfuse can: "
                           f"{'; '.join(made.missing)}")  # fmt: skip
@@ -158,8 +166,11 @@ def _named(given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         nodes[name] = {str(key): value for key, value in parameters.items()}
     wild = nodes.get(_WILD, {})
     named = {name: {**wild, **own} for name, own in nodes.items() if name != _WILD}
-    shared = not any(map(_SENSOR.fullmatch, wild)) and not any(key in wild for key in _NAVSAT)
-    return named if named and shared else {**({_WILD: wild} if wild else {}), **named}
+    return (
+        named
+        if named and not _is_filter(wild) and not _is_navsat(wild)
+        else {**({_WILD: wild} if wild else {}), **named}
+    )
 
 
 def _nodes(
@@ -169,11 +180,19 @@ def _nodes(
     below = {str(key): value for key, value in given.items() if isinstance(value, dict)}
     if "ros__parameters" in below:
         yield path, below["ros__parameters"]
-    elif any(_SENSOR.fullmatch(str(key)) or key in _NAVSAT for key in given):
+    elif _is_filter(given) or _is_navsat(given):
         yield path, given
     else:
         for key, value in below.items():
             yield from _nodes(value, (*path, key))
+
+
+def _is_filter(given: Mapping[str, Any]) -> bool:
+    return any(_SENSOR.fullmatch(str(key)) for key in given)
+
+
+def _is_navsat(given: Mapping[str, Any]) -> bool:
+    return any(key in given for key in _NAVSAT)
 
 
 def _is_of_map(given: Mapping[str, Any]) -> bool:
@@ -284,8 +303,7 @@ def _imu(sensor: str, topic: str, on: list[bool], made: _Made) -> None:
 
 def _topic(source: str, topic: str, why: str, made: _Made) -> bool:
     """Take a topic for a source, unless one of the two is taken; return whether it was."""
-    taken = {key.removeprefix("ros.topics."): value for key, (value, _) in made.values.items()
-             if key.startswith("ros.topics.")}  # fmt: skip
+    taken = made.topics
     others = [key for key, name in taken.items() if plain(name) == plain(topic)
               and {key, source} != BOTH]  # fmt: skip
     if source in taken:
@@ -295,17 +313,16 @@ def _topic(source: str, topic: str, why: str, made: _Made) -> bool:
         made.missing.append(f"{why} ({topic}): that topic is taken for {others[0]}")
         return False
     made.use(source)
-    made.set(f"ros.topics.{source}", topic, why)
+    made.set(f"{_TOPICS}{source}", topic, why)
     return True
 
 
 def _free_topics(made: _Made) -> None:
     """Switch off what is not used and would have a topic that is."""
-    taken = {plain(value) for key, (value, _) in made.values.items()
-             if key.startswith("ros.topics.")}  # fmt: skip
+    taken = set(map(plain, made.topics.values()))
     for key in SUBSCRIBED:
-        if f"ros.topics.{key}" not in made.values and taken & set(Topics().of(key)):
-            made.set(f"ros.topics.{key}", None, "not used, and its usual topic is another's")
+        if key not in made.topics and taken & set(Topics().of(key)):
+            made.set(f"{_TOPICS}{key}", None, "not used, and its usual topic is another's")
 
 
 def _navsat(name: str, given: Mapping[str, Any], made: _Made) -> None:

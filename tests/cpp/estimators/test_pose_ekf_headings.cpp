@@ -81,6 +81,22 @@ class Robot {
   bool is_off_;
 };
 
+/// A filter on a minute of that robot, with a fix a second, which `read` gives the headings.
+template <class Read>
+PoseEkf driven(Robot& robot, const PoseEkf::Config& config, const Read& read) {
+  PoseEkf ekf = started(config);
+  for (int i = 0; i < 600; ++i) {
+    const Stamp now = (i + 1) * kStep;
+    ekf.on(Increment{i * kStep, now, robot.drive(i)});
+    read(ekf, robot.compass(now));
+    const PositionFix fix = robot.fix(now);
+    if (i % 10 == 9) {
+      ekf.on(fix);
+    }
+  }
+  return ekf;
+}
+
 struct Result {
   double nees = 0.0;
   double nees_with_offset = 0.0;
@@ -92,19 +108,11 @@ Result measure(const PoseEkf::Config& config, bool is_off, bool with_compass = t
   Result result;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
     Robot robot(seed, is_off);
-    PoseEkf ekf = started(config);
-    for (int i = 0; i < 600; ++i) {
-      const Stamp now = (i + 1) * kStep;
-      ekf.on(Increment{i * kStep, now, robot.drive(i)});
-      const Heading z = robot.compass(now);
-      const PositionFix fix = robot.fix(now);
+    const PoseEkf ekf = driven(robot, config, [&](PoseEkf& filter, const Heading& z) {
       if (with_compass) {
-        EXPECT_EQ(ekf.on(z).verdict, Verdict::kFused);
+        EXPECT_EQ(filter.on(z).verdict, Verdict::kFused);
       }
-      if (i % 10 == 9) {
-        ekf.on(fix);
-      }
-    }
+    });
     const PoseEstimate end = ekf.estimate();
     const Vector<3> error = local({robot.x, robot.y, wrap_angle(robot.heading)}, end.pose);
     result.nees += error.dot(end.covariance.llt().solve(error)) / kRuns;
@@ -260,18 +268,10 @@ TEST(Headings, of_a_compass_beside_iron_do_not_mislead) {
   constexpr int kRobots = 40;
   for (std::uint64_t seed = 1; seed <= kRobots; ++seed) {
     Robot robot(seed, false);
-    PoseEkf ekf = started(config);
-    for (int i = 0; i < 600; ++i) {
-      const Stamp now = (i + 1) * kStep;
-      ekf.on(Increment{i * kStep, now, robot.drive(i)});
-      Heading z = robot.compass(now);
+    const PoseEkf ekf = driven(robot, config, [&](PoseEkf& filter, Heading z) {
       z.heading += 0.17 * std::sin(robot.heading);
-      ekf.on(z);
-      const PositionFix fix = robot.fix(now);
-      if (i % 10 == 9) {
-        ekf.on(fix);
-      }
-    }
+      filter.on(z);
+    });
     const PoseEstimate end = ekf.estimate();
     const double off = wrap_angle(end.pose.heading - robot.heading);
     beyond += std::abs(off) > 3.0 * std::sqrt(end.covariance(2, 2)) ? 1 : 0;

@@ -255,12 +255,30 @@ def odometry(
 
 def imu(topic: str, row: decode.ImuRow, frame: str) -> Publication:
     """Return a sensor_msgs/Imu without orientation; covariances are not known."""
-    unknown = np.concatenate([[-1.0], np.zeros(8)])
-    fields = {"header": header(row.stamp_ns, frame), "orientation": quaternion(0.0),
-              "orientation_covariance": unknown, "angular_velocity": _point(*row.rate),
-              "angular_velocity_covariance": np.zeros(9),
-              "linear_acceleration": _point(*(row.force or (0.0, 0.0, 0.0))),
-              "linear_acceleration_covariance": np.zeros(9) if row.force else unknown}  # fmt: skip
+    return _imu(topic, row.stamp_ns, frame, rate=row.rate, force=row.force)
+
+
+def heading(topic: str, stamp_ns: int, angle: float, sigma: float, frame: str) -> Publication:
+    """Return a sensor_msgs/Imu with nothing but a yaw; without a sigma its variance is 0."""
+    return _imu(topic, stamp_ns, frame, yaw=(angle, 0.0 if math.isnan(sigma) else sigma * sigma))
+
+
+def _imu(
+    topic: str,
+    stamp_ns: int,
+    frame: str,
+    yaw: tuple[float, float] | None = None,
+    rate: Sequence[float] | None = None,
+    force: Sequence[float] | None = None,
+) -> Publication:
+    """Return a sensor_msgs/Imu; what there is not, of yaw with its variance, is marked so."""
+    unknown, none = np.concatenate([[-1.0], np.zeros(8)]), (0.0, 0.0, 0.0)
+    turned = unknown if yaw is None else np.diag([0.0, 0.0, yaw[1]]).ravel()
+    fields = {"header": header(stamp_ns, frame), "orientation": quaternion(yaw[0] if yaw else 0.0),
+              "orientation_covariance": turned, "angular_velocity": _point(*(rate or none)),
+              "angular_velocity_covariance": np.zeros(9) if rate else unknown,
+              "linear_acceleration": _point(*(force or none)),
+              "linear_acceleration_covariance": np.zeros(9) if force else unknown}  # fmt: skip
     return Publication(topic, "sensor_msgs/Imu", fields)
 
 
@@ -319,18 +337,6 @@ def altitude(topic: str, stamp_ns: int, z: float, sigma: float | None, frame: st
     unknown = decode.NOT_MEASURED_M**2 * np.eye(3)
     return pose_with_covariance(topic, stamp_ns, (0.0, 0.0, 0.0), unknown, frame,
                                 height=(z, sigma * sigma))  # fmt: skip
-
-
-def heading(topic: str, stamp_ns: int, angle: float, sigma: float, frame: str) -> Publication:
-    """Return a sensor_msgs/Imu with nothing but a yaw; without a sigma its variance is 0."""
-    unknown = np.concatenate([[-1.0], np.zeros(8)])
-    yaw = 0.0 if math.isnan(sigma) else sigma * sigma
-    fields = {"header": header(stamp_ns, frame), "orientation": quaternion(angle),
-              "orientation_covariance": np.diag([0.0, 0.0, yaw]).ravel(),
-              "angular_velocity": _point(0.0, 0.0), "angular_velocity_covariance": unknown,
-              "linear_acceleration": _point(0.0, 0.0),
-              "linear_acceleration_covariance": unknown}  # fmt: skip
-    return Publication(topic, "sensor_msgs/Imu", fields)
 
 
 def course(topic: str, stamp_ns: int, angle: float, sigma: float, frame: str) -> Publication:
