@@ -52,11 +52,33 @@ void bind_air_models(py::module_& m) {
            "State (7,) `seconds` later: x, y, heading, height, velocity x and y, climb rate.");
 }
 
+void bind_inertial(py::module_& m) {
+  using Config = locfuse::InertialMotion::Config;
+  py::class_<Config>(m, "InertialConfig", "Noise and mount of an inertial sensor; docs/air.md.")
+      .def(py::init<>())
+      .def_readwrite("sigma_turn_per_sqrt_s", &Config::sigma_turn_per_sqrt_s,
+                     "White noise of the gyro [rad / sqrt(s)].")
+      .def_readwrite("sigma_velocity_per_sqrt_s", &Config::sigma_velocity_per_sqrt_s,
+                     "White noise of the accelerometer [m/s / sqrt(s)].")
+      .def_readwrite("sigma_bias_radps", &Config::sigma_bias_radps,
+                     "Sigma of the gyro's bias at the start [rad/s].")
+      .def_readwrite("sigma_bias_mps2", &Config::sigma_bias_mps2,
+                     "Sigma of the accelerometer's bias at the start [m/s^2].")
+      .def_readwrite("sigma_bias_radps_per_sqrt_s", &Config::sigma_bias_radps_per_sqrt_s,
+                     "Random walk of the gyro's bias [rad/s / sqrt(s)].")
+      .def_readwrite("sigma_bias_mps2_per_sqrt_s", &Config::sigma_bias_mps2_per_sqrt_s,
+                     "Random walk of the accelerometer's bias [m/s^2 / sqrt(s)].")
+      .def_readwrite("sigma_scale", &Config::sigma_scale, "Of the gyro's scale and axes.")
+      .def_readwrite("mount", &Config::mount,
+                     "Roll, pitch and yaw of the sensor's axes in the body [rad], shape (3,).");
+}
+
 void bind_config(py::module_& m) {
   using Config = AirEkf::Config;
   py::native_enum<AirMotion>(m, "AirMotion", "enum.Enum", "Motion model of an AirEkf.")
       .value("ODOMETRY", AirMotion::kOdometry, "Velocity or Increment messages with a climb rate.")
       .value("CONSTANT_VELOCITY", AirMotion::kConstantVelocity, "Constant velocity, no odometry.")
+      .value("INERTIAL", AirMotion::kInertial, "Imu messages, over attitude and biases as well.")
       .finalize();
   py::class_<Config>(m, "AirEkfConfig", "Motion, noise, gates and behaviour of an AirEkf.")
       .def(py::init<>())
@@ -67,6 +89,7 @@ void bind_config(py::module_& m) {
       .def_readwrite("constant_velocity", &Config::constant_velocity)
       .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps)
       .def_readwrite("sigma_start_climb_mps", &Config::sigma_start_climb_mps)
+      .def_readwrite("inertial", &Config::inertial)
       .def_readwrite("range", &Config::range)
       .def_readwrite("position", &Config::position)
       .def_readwrite("pose", &Config::pose)
@@ -91,7 +114,14 @@ void bind_config(py::module_& m) {
 
 void bind_air_ekf(py::module_& m) {
   bind_air_models(m);
+  bind_inertial(m);
   bind_config(m);
+  using locfuse::Attitude;
+  py::class_<Attitude>(m, "Attitude", "How a body is turned in space.")
+      .def_readonly("quaternion", &Attitude::quaternion,
+                    "(w, x, y, z) of the rotation from body to world, w >= 0, shape (4,).")
+      .def_readonly("covariance", &Attitude::covariance,
+                    "Of its error, a rotation about the axes of the world [rad^2], shape (3, 3).");
   py::class_<AirEstimate>(m, "AirEstimate",
                           "Pose and height of a flying body at one stamp [ns], with the covariance "
                           "(4, 4) of (x, y, heading, height).")
@@ -104,6 +134,8 @@ void bind_air_ekf(py::module_& m) {
       .def_readonly("pose", &AirEstimate::pose)
       .def_readonly("height", &AirEstimate::height, "Above z = 0 of the world frame [m].")
       .def_readonly("covariance", &AirEstimate::covariance, "Shape (4, 4).")
+      .def_readonly("attitude", &AirEstimate::attitude,
+                    "Attitude of an inertial body; None where it is taken as level.")
       .def("__repr__", [](const AirEstimate& e) {
         return "AirEstimate(stamp=" + std::to_string(e.stamp) + ", pose=(" +
                std::to_string(e.pose.x) + ", " + std::to_string(e.pose.y) + ", " +
@@ -112,7 +144,8 @@ void bind_air_ekf(py::module_& m) {
   py::class_<AirEkf>(m, "AirEkf",
                      R"(Extended Kalman filter over (x, y, heading, height) of a flying body.
 
-The body stays level. The motion is odometry with a climb rate, or an estimated constant velocity.
+The motion is odometry with a climb rate, an estimated constant velocity, or what an inertial sensor
+measures. With that the attitude is estimated, too; without it the body is taken as level.
 
 Parameters
 ----------
@@ -155,6 +188,9 @@ Examples
            py::arg("stamp"),
            "AirEstimate propagated to `stamp` [ns], which must not precede the belief.")
       .def_property_readonly("belief", &AirEkf::belief, py::return_value_policy::copy)
+      .def("attitude", &AirEkf::attitude,
+           "Rotation (3, 3) from body to world at the belief's stamp; of a level body by its "
+           "heading.")
       .def_property_readonly("interventions", &AirEkf::interventions,
                              "Number of times a variance was clamped to its bounds.")
       .def(

@@ -136,6 +136,7 @@ ValueError
   py::native_enum<SlotKind>(m, "SlotKind", "enum.Enum", "Type of variable in a slot.")
       .value("POSE2", SlotKind::kPose2)
       .value("POINT2", SlotKind::kPoint2)
+      .value("POINT3", SlotKind::kPoint3)
       .value("SCALAR", SlotKind::kScalar)
       .finalize();
   py::class_<Slot>(m, "Slot", "Handle of a variable in a belief.").def_readonly("id", &Slot::id);

@@ -12,6 +12,7 @@
 
 #include "estimators/recipe.hpp"
 #include "locfuse/frontends/multilateration.hpp"
+#include "locfuse/geometry/rotation.hpp"
 #include "locfuse/math/angle.hpp"
 #include "locfuse/math/symmetric.hpp"
 #include "math/sigma.hpp"
@@ -19,7 +20,7 @@
 namespace locfuse {
 namespace {
 
-using AirTransaction = internal::Transaction<3>;
+using Whole = Vector<InertialMotion::kVariables>;
 
 double variance_of(const char* name, double sigma) {
   internal::sigma_in_bounds(name, sigma);
@@ -39,6 +40,21 @@ struct AirTuning {
   static constexpr double kMaxImage = 2.5;
   /// Probability of being inside the room below which an image is no other place.
   static constexpr double kMinInside = 1e-3;
+  /// How long a sample of an inertial sensor holds [ns].
+  static constexpr Stamp kHoldsSample = 100'000'000;
+  /// Forces of a sensor that may be right [m/s^2].
+  static constexpr double kMaxForce = 1e3;
+  /// Forces by which a body knows which way is up, over gravity's.
+  static constexpr double kLeastUp = 0.5;
+  static constexpr double kMostUp = 1.5;
+  /// Sigma of the tilt then: a body that starts accelerates by about this share of gravity [rad].
+  static constexpr double kSigmaTilt = 0.15;
+  /// Horizontal part of the x axis below which it has no heading.
+  static constexpr double kLeastLevel = 0.1;
+  /// Sigma of a heading beyond which it is split [rad]; into so many, each of such a sigma.
+  static constexpr double kAnyHeading = 0.6;
+  static constexpr int kHeadings = 8;
+  static constexpr double kSigmaHeading = 0.3;
 };
 
 constexpr double kUnbounded = 1e9;  // [m]
@@ -83,6 +99,51 @@ Slot add_height(GaussianBelief& belief, Slot body, const AirEstimate& start) {
                  scalar(P(3, 3) - J * shared), body);
 }
 
+/// What a measurement says of (x, y, heading, height), of (x, y, heading) or of the height, and its
+/// derivative with respect to a rotation of the body about the axes of the world.
+template <class Lin>
+struct Seen {
+  Lin lin;
+  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::ColMajor, 3, 3> by_rotation;
+};
+
+/// Of a point of the body at `arm` from its origin, in the axes of the world; `gradient` is by its
+/// place in space, a row for each of the measurement.
+template <class Lin, class Gradient>
+Seen<Lin> seen_at(const Lin& lin, const Vector<3>& arm, const Gradient& gradient) {
+  Seen<Lin> seen{lin, gradient};
+  for (Eigen::Index i = 0; i < gradient.rows(); ++i) {
+    seen.by_rotation.row(i) = arm.cross(Vector<3>(gradient.row(i)));
+  }
+  return seen;
+}
+
+/// The same of all variables of an inertial body.
+template <int M, int N, int MaxM>
+auto widened(const Seen<Linearization<M, N, MaxM>>& seen) {
+  constexpr int kMost = M == 1 ? 1 : 3;
+  Linearization<M, InertialMotion::kVariables, kMost> lin;
+  const Linearization<M, N, MaxM>& lean = seen.lin;
+  lin.residual = lean.residual;
+  lin.noise = lean.noise;
+  lin.jacobian.setZero(lean.residual.size(), InertialMotion::kVariables);
+  if constexpr (N == 1) {
+    lin.jacobian.col(3) = lean.jacobian;
+  } else {
+    lin.jacobian.template leftCols<N>() = lean.jacobian;
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    lin.jacobian.col(InertialMotion::kRotation[static_cast<std::size_t>(axis)]) =
+        seen.by_rotation.col(axis);
+  }
+  lin.correlation.time_s = lean.correlation.time_s;
+  lin.correlation.kind = lean.correlation.kind;
+  std::copy_n(lean.correlation.sources.begin(),
+              std::min(lean.correlation.sources.size(), lin.correlation.sources.size()),
+              lin.correlation.sources.begin());
+  return lin;
+}
+
 }  // namespace
 
 struct AirEkf::Recipe {
@@ -93,6 +154,7 @@ struct AirEkf::Recipe {
   double height_per_s;
   double lost_height_per_s;
   ConstantVelocityMotion constant_velocity;
+  InertialMotion inertial;
   RangeModel range;
   PositionModel position;
   AltitudeModel altitude;
@@ -121,6 +183,7 @@ AirEkf::AirEkf(const Config& config, const World& world, const AirEstimate& star
                              internal::positive("sigma_lost_height_per_sqrt_s",
                                                 config.sigma_lost_height_per_sqrt_s)),
                  ConstantVelocityMotion(config.constant_velocity),
+                 InertialMotion(config.inertial),
                  RangeModel(config.range, internal::anchors_of(world), world.tags),
                  PositionModel(config.position, world.tags),
                  AltitudeModel(config.altitude),
@@ -154,12 +217,158 @@ AirEkf::AirEkf(const Config& config, const World& world, const AirEstimate& star
                                 " and max_height_m is " + std::to_string(config.max_height_m) +
                                 ", expected min_height_m < max_height_m");
   }
-  if (config.motion == AirMotion::kConstantVelocity) {
+  if (config.motion != AirMotion::kOdometry) {
     moving_.push_back(belief_.add("velocity", SlotKind::kPoint2, Vector<2>::Zero(),
                                   velocity * velocity * Matrix<2, 2>::Identity()));
     moving_.push_back(belief_.add("climb", SlotKind::kScalar, scalar(0.0), scalar(climb * climb)));
   }
+  if (is_inertial()) {
+    const auto add = [this](const char* name, SlotKind kind, double sigma) {
+      const int size = dimension_of(kind);
+      moving_.push_back(belief_.add(name, kind, Eigen::VectorXd::Zero(size),
+                                    sigma * sigma * Eigen::MatrixXd::Identity(size, size)));
+    };
+    add("tilt", SlotKind::kPoint2, AirTuning::kSigmaTilt);
+    add("rate_bias", SlotKind::kPoint3, config.inertial.sigma_bias_radps);
+    add("force_bias", SlotKind::kPoint3, config.inertial.sigma_bias_mps2);
+  }
   internal::expect_correlated(belief_, config.correlation_s);
+}
+
+/// Puts belief and attitude back, bit for bit, unless the message that they were moved for is
+/// fused.
+class AirEkf::Undo {
+ public:
+  Undo(AirEkf& ekf, Stamp until)
+      : belief_(ekf.belief_, until), upright_(ekf.upright_), before_(ekf.upright_) {}
+  Undo(const Undo&) = delete;
+  Undo& operator=(const Undo&) = delete;
+  ~Undo() {
+    if (!is_fused_) {
+      upright_ = before_;
+    }
+  }
+  [[nodiscard]] Outcome close(const Outcome& outcome) {
+    is_fused_ = outcome.verdict == Verdict::kFused;
+    return belief_.close(outcome);
+  }
+
+ private:
+  internal::Transaction<3> belief_;
+  Matrix<3, 3>& upright_;
+  Matrix<3, 3> before_;
+  bool is_fused_ = false;
+};
+
+AirMotion AirEkf::recipe_motion() const { return recipe_->config.motion; }
+
+Vector<3> AirEkf::position() const { return {pose().x, pose().y, height()}; }
+
+Matrix<3, 3> AirEkf::attitude() const { return rotation_by({0.0, 0.0, pose().heading}) * upright_; }
+
+/// Splits an attitude into heading and what is left of it.
+void AirEkf::turn_to(const Matrix<3, 3>& attitude) {
+  const bool has_heading = attitude.col(0).head<2>().norm() > AirTuning::kLeastLevel;
+  const double heading = has_heading ? yaw_of(attitude) : belief_.x(2);
+  upright_ = orthonormal(rotation_by({0.0, 0.0, -heading}) * attitude);
+  belief_.x(2) = wrap_angle(heading);
+}
+
+/// The attitude takes up the mean of its error, which is 0 then.
+void AirEkf::take_up_tilt() {
+  const int tilt = InertialMotion::kRotation[0];
+  const Vector<3> error(belief_.x(tilt), belief_.x(tilt + 1), 0.0);
+  turn_to(rotation_by(error) * attitude());
+  belief_.x(tilt) = belief_.x(tilt + 1) = 0.0;
+}
+
+/// Of a body that has not been told which way is up before: gravity's support is.
+void AirEkf::look_up(const Vector<3>& force) {
+  const double share = force.norm() / InertialMotion::kGravity;
+  if (!(share > AirTuning::kLeastUp && share < AirTuning::kMostUp)) {
+    return;
+  }
+  const Matrix<3, 3> up = rotation_up(force);
+  upright_ = orthonormal(rotation_by({0.0, 0.0, -yaw_of(up)}) * up);
+  has_up_ = true;
+}
+
+InertialMotion::State AirEkf::inertial_state() const {
+  const Eigen::VectorXd& x = belief_.x;
+  return {position(), x(InertialMotion::kVelocity), attitude(), x(InertialMotion::kRateBias),
+          x(InertialMotion::kForceBias)};
+}
+
+/// Moves an inertial body by what its sensor measured on the way.
+void AirEkf::integrate(Stamp stamp, const Vector<3>& rate, const Vector<3>& force) {
+  const double seconds = seconds_between(belief_.stamp, stamp);
+  const InertialMotion::Step step =
+      recipe_->inertial.propagate(inertial_state(), rate, force, seconds);
+  Propagation<Whole, InertialMotion::kVariables> moved{belief_.x, step.jacobian, step.noise};
+  moved.moved(InertialMotion::kPosition) = step.moved.position;
+  moved.moved(InertialMotion::kVelocity) = step.moved.velocity;
+  predict(belief_, moved, moving_);
+  turn_to(step.moved.attitude);
+  belief_.stamp = stamp;
+}
+
+/// Moves an inertial body without its sensor: nobody knows how it turns or speeds up.
+void AirEkf::coast(Stamp stamp) {
+  const double T = seconds_between(belief_.stamp, stamp);
+  const ConstantVelocityMotion::Config& noise = recipe_->config.constant_velocity;
+  Propagation<Whole, InertialMotion::kVariables> step;
+  step.moved = belief_.x;
+  step.jacobian.setIdentity();
+  step.noise.setZero();
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const int place = InertialMotion::kPosition[axis];
+    const int rate = InertialMotion::kVelocity[axis];
+    const int turn = InertialMotion::kRotation[axis];
+    const double sigma = axis < 2 ? noise.sigma_velocity_per_sqrt_s : noise.sigma_climb_per_sqrt_s;
+    step.moved(place) += T * belief_.x(rate);
+    step.jacobian(place, rate) = T;
+    step.noise(place, place) = sigma * sigma * T * T * T / 3.0;
+    step.noise(place, rate) = step.noise(rate, place) = sigma * sigma * T * T / 2.0;
+    step.noise(rate, rate) = sigma * sigma * T;
+    step.noise(turn, turn) = noise.sigma_heading_per_sqrt_s * noise.sigma_heading_per_sqrt_s * T;
+  }
+  predict(belief_, step, moving_);
+  belief_.stamp = stamp;
+}
+
+Outcome AirEkf::on(const Imu& z) {
+  validate(z);
+  if (!is_inertial()) {
+    return {Verdict::kIgnored, Reason::kNotUsed};
+  }
+  if (!z.specific_force) {
+    return {Verdict::kNotModelled, Reason::kNotUsed};
+  }
+  if (!(z.angular_rate.norm() <= recipe_->config.limits.turn_rate_radps &&
+        z.specific_force->norm() <= AirTuning::kMaxForce)) {
+    return {Verdict::kImplausible, Reason::kBeyondLimits};
+  }
+  if (z.stamp < belief_.stamp) {
+    return {Verdict::kStale, Reason::kBeforeEstimate};
+  }
+  const Sample now{z.stamp, recipe_->inertial.in_body(z.angular_rate),
+                   recipe_->inertial.in_body(*z.specific_force)};
+  Undo undo(*this, z.stamp);
+  if (sample_ && z.stamp - sample_->stamp <= AirTuning::kHoldsSample) {
+    if (z.stamp > belief_.stamp) {
+      integrate(z.stamp, 0.5 * (sample_->rate + now.rate), 0.5 * (sample_->force + now.force));
+      stay_inside();
+    }
+  } else {
+    advance_to(z.stamp);
+  }
+  if (!has_up_) {
+    look_up(now.force);
+  }
+  if (has_up_) {
+    sample_ = now;
+  }
+  return undo.close({Verdict::kFused});
 }
 
 Outcome AirEkf::on(const Velocity& u, double climb_rate) { return take(u, climb_rate); }
@@ -178,10 +387,10 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
   if (!plausible) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
-  if (recipe_->config.motion == AirMotion::kConstantVelocity) {
+  if (recipe_->config.motion != AirMotion::kOdometry) {
     return {Verdict::kIgnored, Reason::kNotUsed};
   }
-  AirTransaction transaction(belief_, u.stamp);
+  internal::Transaction<3> transaction(belief_, u.stamp);
   lift(effective_stamp(u));
   const Outcome outcome =
       transaction.close(internal::take<Eigen::Dynamic>(*recipe_, odometry_, body_, belief_, u));
@@ -191,17 +400,52 @@ Outcome AirEkf::take(const Motion& u, double climb_rate) {
   return outcome;
 }
 
-template <class Noise, class Linearize, class Why>
-Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
-                        const Linearize& linearize, const Why& why) {
+template <class Noise, class See, class Why>
+Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, const See& see,
+                        const Why& why) {
   if (stamp < belief_.stamp) {
     return {Verdict::kStale, Reason::kBeforeEstimate};
   }
-  AirTransaction transaction(belief_, stamp);
+  Undo undo(*this, stamp);
   advance_to(stamp);
-  const auto lin = linearize();
-  return transaction.close(lin ? internal::fuse(belief_, *lin, slots, gate, noise)
-                               : Outcome{Verdict::kNotModelled, why()});
+  const auto seen = see();
+  if (!seen) {
+    return undo.close({Verdict::kNotModelled, why()});
+  }
+  if (!is_inertial()) {
+    constexpr int kColumns = std::decay_t<decltype(seen->lin)>::kVariables;
+    const Slots slots = kColumns == 4 ? Slots(place_) : kColumns == 3 ? Slots(body_) : height_;
+    return undo.close(internal::fuse(belief_, seen->lin, slots, gate, noise));
+  }
+  const Outcome outcome = internal::fuse(belief_, widened(*seen), moving_, gate, noise);
+  if (outcome.verdict == Verdict::kFused) {
+    take_up_tilt();
+  }
+  return undo.close(outcome);
+}
+
+/// Of a tag, in the axes of the world.
+Vector<3> AirEkf::arm_of(const std::vector<Tag>& tags, Id id) const {
+  const auto tag =
+      std::find_if(tags.begin(), tags.end(), [&](const Tag& one) { return one.id == id; });
+  return attitude() * tag->position;
+}
+
+/// A range to a body at a place.
+std::optional<Linearization<1, 4>> AirEkf::look(const Vector<3>& place, const Range& z) const {
+  const RangeModel& model = recipe_->range;
+  if (!is_inertial() || !internal::has_tag(model.tags(), z.tag)) {
+    return model.linearize({place.x(), place.y(), pose().heading}, place.z(), z);
+  }
+  // A level body whose tag is where that of the tilted one is.
+  const Vector<3> arm = arm_of(model.tags(), z.tag);
+  const Vector<3> level = place + arm - attitude().transpose() * arm;
+  std::optional<Linearization<1, 4>> lin =
+      model.linearize({level.x(), level.y(), 0.0}, level.z(), z);
+  if (lin) {
+    lin->jacobian(2) = arm.x() * lin->jacobian(1) - arm.y() * lin->jacobian(0);
+  }
+  return lin;
 }
 
 Outcome AirEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
@@ -215,15 +459,27 @@ Outcome AirEkf::weigh(const Range& z) {
 }
 
 Outcome AirEkf::correct_by(const Range& z, const Gate& gate) {
+  return correct_at(z, gate, nullptr);
+}
+
+Outcome AirEkf::correct_at(const Range& z, const Gate& gate, const Vector<3>* place) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   return correct(
-      z.stamp, gate, recipe_->range_noise, place_,
-      [&] {
-        return internal::of_source(recipe_->config, recipe_->range.linearize(pose(), height(), z),
-                                   Source::kRanges, internal::link_of(z));
+      z.stamp, gate, recipe_->range_noise,
+      [&]() -> std::optional<Seen<Linearization<1, 4>>> {
+        auto lin = internal::of_source(recipe_->config, look(place ? *place : position(), z),
+                                       Source::kRanges, internal::link_of(z));
+        if (!lin) {
+          return std::nullopt;
+        }
+        const Matrix<1, 3> gradient(lin->jacobian(0), lin->jacobian(1), lin->jacobian(3));
+        if (place != nullptr) {
+          lin->residual(0) -= gradient.dot((position() - *place).transpose());
+        }
+        return seen_at(*lin, arm_of(recipe_->range.tags(), z.tag), gradient);
       },
       [&] { return internal::why_not(recipe_->range, z); });
 }
@@ -233,11 +489,31 @@ Outcome AirEkf::on(const PositionFix& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
+  using Lin = Linearization<Eigen::Dynamic, 3, 2>;
   return correct(
-      z.stamp, recipe_->position_gate, recipe_->position_noise, body_,
-      [&] {
-        return internal::of_source(recipe_->config, recipe_->position.linearize(pose(), z),
-                                   Source::kPositions);
+      z.stamp, recipe_->position_gate, recipe_->position_noise,
+      [&]() -> std::optional<Seen<Lin>> {
+        const PositionModel& model = recipe_->position;
+        const std::optional<Vector<2>> lever = model.lever(z.tag);
+        Pose2 at = pose();
+        Vector<3> arm = Vector<3>::Zero();
+        if (is_inertial() && lever) {
+          arm = z.tag ? arm_of(model.tags(), *z.tag)
+                      : Vector<3>(attitude() * Vector<3>(lever->x(), lever->y(), 0.0));
+          at = {at.x + arm.x() - lever->x(), at.y + arm.y() - lever->y(), 0.0};
+        }
+        const auto lin =
+            internal::of_source(recipe_->config, model.linearize(at, z), Source::kPositions);
+        if (!lin) {
+          return std::nullopt;
+        }
+        Matrix<Eigen::Dynamic, 3> gradient = Matrix<Eigen::Dynamic, 3>(lin->jacobian);
+        gradient.col(2).setZero();
+        Seen<Lin> seen = seen_at(*lin, arm, gradient);
+        if (is_inertial()) {
+          seen.lin.jacobian.col(2) = seen.by_rotation.col(2);
+        }
+        return seen;
       },
       [&] { return internal::why_not(recipe_->position, z); });
 }
@@ -248,11 +524,14 @@ Outcome AirEkf::on(const Altitude& z) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   return correct(
-      z.stamp, recipe_->altitude_gate, internal::kGaussian, height_,
+      z.stamp, recipe_->altitude_gate, internal::kGaussian,
       [&] {
-        return internal::of_source(recipe_->config,
-                                   std::optional(recipe_->altitude.linearize(height(), z)),
-                                   Source::kAltitudes);
+        const double up = recipe_->config.altitude.altimeter_up_m;
+        const Vector<3> arm = up * attitude().col(2);
+        const auto lin = internal::of_source(
+            recipe_->config, std::optional(recipe_->altitude.linearize(height() + arm.z() - up, z)),
+            Source::kAltitudes);
+        return std::optional(seen_at(*lin, arm, Matrix<1, 3>(0.0, 0.0, 1.0)));
       },
       [] { return Reason::kNone; });
 }
@@ -264,11 +543,22 @@ Outcome AirEkf::on(const PoseObservation& z) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
+  using Lin = Linearization<Eigen::Dynamic, 3, 3>;
   return correct(
-      z.stamp, recipe_->pose_gate, recipe_->pose_noise, body_,
-      [&] {
-        return internal::of_source(recipe_->config, recipe_->pose.linearize(pose(), z),
-                                   Source::kPoses);
+      z.stamp, recipe_->pose_gate, recipe_->pose_noise,
+      [&]() -> std::optional<Seen<Lin>> {
+        const auto lin = internal::of_source(recipe_->config, recipe_->pose.linearize(pose(), z),
+                                             Source::kPoses);
+        if (!lin) {
+          return std::nullopt;
+        }
+        // The heading is that of the x axis, eq. (8) of docs/air.md.
+        const Vector<3> ahead = attitude().col(0);
+        const double level = std::max(ahead.head<2>().squaredNorm(),
+                                      AirTuning::kLeastLevel * AirTuning::kLeastLevel);
+        const Matrix<1, 3> by_rotation(-ahead.z() * ahead.x() / level,
+                                       -ahead.z() * ahead.y() / level, 1.0);
+        return Seen<Lin>{*lin, lin->jacobian.col(2) * by_rotation};
       },
       [] { return Reason::kNoSigma; });
 }
@@ -279,22 +569,42 @@ Outcome AirEkf::on(const RangeBearing& z) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   const Landmark* landmark = z.landmark ? recipe_->landmarks->find(*z.landmark) : nullptr;
-  using Sighting = std::optional<Linearization<Eigen::Dynamic, 4, 3>>;
+  using Lin = Linearization<Eigen::Dynamic, 4, 3>;
   Vector<2> before = Vector<2>::Zero();
   const Outcome outcome = correct(
-      z.stamp, recipe_->landmark_gate, internal::kGaussian, place_,
-      [&]() -> Sighting {
+      z.stamp, recipe_->landmark_gate, internal::kGaussian,
+      [&]() -> std::optional<Seen<Lin>> {
         if (landmark == nullptr) {
           return std::nullopt;
         }
         before = pose().position();
         const Vector<3> place(landmark->position.x(), landmark->position.y(), landmark->height);
-        return internal::of_source(recipe_->config,
-                                   recipe_->landmark.linearize(pose(), height(), place, z),
-                                   Source::kSightings, landmark->id);
+        const Matrix<3, 3> R = attitude();
+        const Vector<3> d = place - position();
+        const RangeBearingModel& model = recipe_->landmark;
+        // Of an inertial body in its own axes: as if it were level, at the origin.
+        auto lin =
+            internal::of_source(recipe_->config,
+                                is_inertial() ? model.linearize(Pose2{}, 0.0, R.transpose() * d, z)
+                                              : model.linearize(pose(), height(), place, z),
+                                Source::kSightings, landmark->id);
+        if (!lin) {
+          return std::nullopt;
+        }
+        Seen<Lin> seen{*lin, {}};
+        seen.by_rotation.setZero(lin->residual.size(), 3);
+        if (is_inertial()) {
+          const std::array<int, 3> columns{0, 1, 3};
+          const Matrix<Eigen::Dynamic, 3> by_place =
+              Matrix<Eigen::Dynamic, 3>(lin->jacobian(Eigen::all, columns)) * R.transpose();
+          seen.by_rotation = -by_place * cross_matrix(d);
+          seen.lin.jacobian(Eigen::all, columns) = by_place;
+          seen.lin.jacobian.col(2) = seen.by_rotation.col(2);
+        }
+        return seen;
       },
       [&] { return z.landmark ? internal::why_not(*recipe_->landmarks, z) : Reason::kUnnamed; });
-  if (outcome.verdict == Verdict::kFused && z.bearing) {
+  if (outcome.verdict == Verdict::kFused && z.bearing && !is_inertial()) {
     turn_with_mean(belief_, body_, before);
   }
   return outcome;
@@ -328,6 +638,17 @@ void AirEkf::advance_to(Stamp stamp) {
     stay_inside();
     return;
   }
+  if (is_inertial()) {
+    const Stamp held = sample_ ? std::min(stamp, sample_->stamp + AirTuning::kHoldsSample) : 0;
+    if (sample_ && held > belief_.stamp) {
+      integrate(held, sample_->rate, sample_->force);
+    }
+    if (stamp > belief_.stamp) {
+      coast(stamp);
+    }
+    stay_inside();
+    return;
+  }
   const double seconds = seconds_between(belief_.stamp, stamp);
   predict(belief_, recipe_->constant_velocity.propagate(belief_.mean(moving_), seconds), moving_);
   belief_.stamp = stamp;
@@ -341,7 +662,7 @@ double AirEkf::bend(const Range& z) const {
     carried.advance_to(z.stamp);
     return carried.bend({carried.belief_.stamp, z.tag, z.anchor, z.range, z.sigma});
   }
-  const auto lin = recipe_->range.linearize(pose(), height(), z);
+  const auto lin = look(position(), z);
   if (!lin) {
     return 0.0;
   }
@@ -354,13 +675,12 @@ double AirEkf::bend(const Range& z) const {
 
 std::optional<std::pair<AirEkf, double>> AirEkf::image() const {
   const AirEkf::Plane& plane = recipe_->plane;
-  if (!plane.exists || recipe_->range.tags().empty()) {
+  if (!plane.exists || recipe_->range.tags().empty() || is_inertial()) {
     return std::nullopt;
   }
   const Vector<3>& normal = plane.normal;
-  const Vector<3> arm = recipe_->range.tags().front().position;
-  const Vector<2> turned = pose().act(arm.head<2>());
-  const Vector<3> tag(turned.x(), turned.y(), height() + arm.z());
+  const std::vector<Tag>& tags = recipe_->range.tags();
+  const Vector<3> tag = position() + arm_of(tags, tags.front().id);
   const double beside = normal.dot(tag - plane.centre);
   const double sigma = std::sqrt(normal.dot(spread() * normal));
   if (!(std::abs(beside) > AirTuning::kMinImage * sigma &&
@@ -383,8 +703,7 @@ std::optional<std::pair<AirEkf, double>> AirEkf::image() const {
   const auto reflect = [&](const std::array<int, 3>& rows) { turn(rows, rows) = reflection; };
   reflect({0, 1, up});
   if (moving_.size() > place_.size()) {
-    const int first = belief_.offset(moving_[2]);
-    reflect({first, first + 1, belief_.offset(moving_[3])});
+    reflect(velocity_rows());
   }
   other.belief_.x = turn * belief_.x;
   const Vector<3> moved = mirrored - tag;
@@ -428,6 +747,15 @@ void AirEkf::stay_inside() {
   lin.jacobian(0) = 1.0;
   lin.noise(0) = P * most / (P - most);
   (void)update(belief_, lin, height_, Gate());
+  if (is_inertial()) {
+    take_up_tilt();
+  }
+}
+
+/// Rows of the velocity in space, where it is a state.
+std::array<int, 3> AirEkf::velocity_rows() const {
+  const int velocity = belief_.offset(moving_[2]);
+  return {velocity, velocity + 1, belief_.offset(moving_[3])};
 }
 
 /// Covariance of (x, y, height), as gains have it.
@@ -437,11 +765,9 @@ Matrix<3, 3> AirEkf::spread() const {
 }
 
 Vector<3> AirEkf::place_at(Stamp at) const {
-  Vector<3> place(pose().x, pose().y, height());
-  if (recipe_->config.motion == AirMotion::kConstantVelocity) {
-    const int velocity = belief_.offset(moving_[2]);
-    const std::array<int, 3> rows{velocity, velocity + 1, belief_.offset(moving_[3])};
-    place += seconds_between(belief_.stamp, at) * Vector<3>(belief_.x(rows));
+  Vector<3> place = position();
+  if (recipe_->config.motion != AirMotion::kOdometry) {
+    place += seconds_between(belief_.stamp, at) * Vector<3>(belief_.x(velocity_rows()));
   } else {
     const Vector<2> moved = Pose2{0.0, 0.0, pose().heading}.act(odometry_.rate().position());
     place += seconds_between(belief_.stamp, at) * Vector<3>(moved.x(), moved.y(), climb_rate_);
@@ -456,8 +782,7 @@ double AirEkf::squared_speed(const Vector<3>& along) const {
     const double most = along.head<2>().norm() * speed + std::abs(along.z() * climb_rate_);
     return most * most;
   }
-  const int velocity = belief_.offset(moving_[2]);
-  const std::array<int, 3> rows{velocity, velocity + 1, belief_.offset(moving_[3])};
+  const std::array<int, 3> rows = velocity_rows();
   const Matrix<3, 3> P = belief_.P(rows, rows);
   const Vector<3> mean = belief_.x(rows);
   return along.dot(P * along) + std::pow(along.dot(mean), 2);
@@ -469,17 +794,14 @@ std::vector<Vector<3>> AirEkf::places(const std::vector<Range>& ranges) const {
   std::vector<double> sigmas;
   for (const Range& z : ranges) {
     const Anchor* anchor = recipe_->range.anchors().find(z.anchor);
-    const auto lin = recipe_->range.linearize(pose(), height(), z);
+    const auto lin = look(position(), z);
     const double distance = anchor != nullptr ? (z.range - anchor->offset) / anchor->scale : 0.0;
     if (!lin || !(distance > 0.0) || static_cast<int>(distances.size()) == kMaxRanges) {
       continue;
     }
-    const std::vector<Tag>& tags = recipe_->range.tags();
-    const auto tag =
-        std::find_if(tags.begin(), tags.end(), [&](const Tag& one) { return one.id == z.tag; });
-    const Vector<2> arm = Pose2{0.0, 0.0, pose().heading}.act(tag->position.head<2>());
+    const Vector<3> arm = arm_of(recipe_->range.tags(), z.tag);
     rows.insert(rows.end(), {anchor->position.x() - arm.x(), anchor->position.y() - arm.y(),
-                             anchor->position.z() - tag->position.z()});
+                             anchor->position.z() - arm.z()});
     distances.push_back(distance);
     sigmas.push_back(std::sqrt(lin->noise(0)) / anchor->scale);
   }
@@ -491,7 +813,7 @@ std::vector<Vector<3>> AirEkf::places(const std::vector<Range>& ranges) const {
   const Eigen::Map<const Eigen::VectorXd> noise(sigmas.data(), size);
   const AnchorTable table{RowsView(rows.data(), size, 3)};
   const RangeLayout<3> layout(table, noise);
-  const Vector<3> mean = Vector<3>(pose().x, pose().y, height()) - layout.centre;
+  const Vector<3> mean = position() - layout.centre;
   const PositionPrior<3> prior{mean, spread().diagonal().cwiseInverse()};
   std::vector<Vector<3>> starts{mean};
   const auto start_without = [&](Eigen::Index left_out) {
@@ -534,8 +856,7 @@ Outcome AirEkf::on_at(const Range& z, const Vector<3>& place, Stamp at) {
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
-  auto lin = recipe_->range.linearize({place.x(), place.y(), pose().heading}, place.z(), z);
-  if (lin) {
+  if (const auto lin = look(place, z)) {
     const Vector<3> along(lin->jacobian(0), lin->jacobian(1), lin->jacobian(3));
     const double seconds = seconds_between(at, z.stamp);
     const double moved = seconds * seconds * squared_speed(along);
@@ -547,18 +868,18 @@ Outcome AirEkf::on_at(const Range& z, const Vector<3>& place, Stamp at) {
       return outcome;
     }
   }
-  return correct(
-      z.stamp, recipe_->range_gate, recipe_->range_noise, place_,
-      [&] {
-        if (lin) {
-          const Vector<4> off(pose().x - place.x(), pose().y - place.y(), 0.0,
-                              height() - place.z());
-          lin->residual -= lin->jacobian * off;
-        }
-        return internal::of_source(recipe_->config, std::move(lin), Source::kRanges,
-                                   internal::link_of(z));
-      },
-      [&] { return internal::why_not(recipe_->range, z); });
+  return correct_at(z, recipe_->range_gate, &place);
+}
+
+/// How far another one is off, in the error state.
+Eigen::VectorXd AirEkf::off(const AirEkf& other) const {
+  Eigen::VectorXd apart = other.belief_.x - belief_.x;
+  if (is_inertial()) {
+    apart(InertialMotion::kRotation) = rotation_vector(other.attitude() * attitude().transpose());
+  } else {
+    apart(2) = wrap_angle(apart(2));
+  }
+  return apart;
 }
 
 AirEkf AirEkf::mixed(double weight,
@@ -571,40 +892,63 @@ AirEkf AirEkf::mixed(double weight,
   }
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(sum.belief_.x.size());
   Eigen::MatrixXd P = weight * Eigen::MatrixXd(sum.belief_.P);
-  const Eigen::VectorXd x = sum.belief_.x;
-  const auto off_of = [&](const GaussianBelief& other) {
-    Eigen::VectorXd off = other.x - x;
-    off(2) = wrap_angle(off(2));
-    return off;
-  };
+  const AirEkf about = sum;
   for (std::size_t i = 0; i < rest.size(); ++i) {
     rest[i].advance_to(sum.belief_.stamp);
-    mean += others[i].second * off_of(rest[i].belief_);
+    mean += others[i].second * about.off(rest[i]);
   }
   P += weight * mean * mean.transpose();
   for (std::size_t i = 0; i < rest.size(); ++i) {
-    const Eigen::VectorXd off = off_of(rest[i].belief_) - mean;
-    P += others[i].second * (Eigen::MatrixXd(rest[i].belief_.P) + off * off.transpose());
+    const Eigen::VectorXd apart = about.off(rest[i]) - mean;
+    P += others[i].second * (Eigen::MatrixXd(rest[i].belief_.P) + apart * apart.transpose());
   }
   sum.belief_.x += mean;
   sum.belief_.x(2) = wrap_angle(sum.belief_.x(2));
   sum.belief_.P = 0.5 * (P + P.transpose());
+  if (is_inertial()) {
+    sum.take_up_tilt();
+  }
   return sum;
 }
 
 AirEkf AirEkf::anywhere(double span) const {
   AirEkf other = *this;
-  Eigen::VectorXd variance = Eigen::VectorXd::Constant(belief_.x.size(), span * span / 3.0);
+  Eigen::VectorXd variance = Eigen::MatrixXd(belief_.P).diagonal();
+  variance.head<2>().setConstant(span * span / 3.0);
   variance(2) = kPi * kPi / 3.0;
-  if (recipe_->config.motion == AirMotion::kConstantVelocity) {
+  variance(belief_.offset(height_)) = span * span / 3.0;
+  if (recipe_->config.motion != AirMotion::kOdometry) {
     const double velocity = recipe_->config.sigma_start_velocity_mps;
     const double climb = recipe_->config.sigma_start_climb_mps;
-    variance.tail<3>() << velocity * velocity, velocity * velocity, climb * climb;
-    other.belief_.x.tail<3>().setZero();
+    const std::array<int, 3> rows = velocity_rows();
+    variance(rows) << velocity * velocity, velocity * velocity, climb * climb;
+    other.belief_.x(rows).setZero();
   }
   other.belief_.P = Eigen::MatrixXd(variance.asDiagonal());
   other.belief_.correlated = belief_.correlated.restarted();
   return other;
+}
+
+bool AirEkf::has_heading() const {
+  return !is_inertial() || belief_.P(2, 2) <= AirTuning::kAnyHeading * AirTuning::kAnyHeading;
+}
+
+std::vector<AirEkf> AirEkf::by_heading() const {
+  if (has_heading()) {
+    return {*this};
+  }
+  std::vector<AirEkf> all;
+  for (int i = 0; i < AirTuning::kHeadings; ++i) {
+    AirEkf one = *this;
+    one.belief_.x(2) = wrap_angle(belief_.x(2) + 2.0 * kPi * i / AirTuning::kHeadings);
+    Eigen::MatrixXd P = belief_.P;
+    P.row(2).setZero();
+    P.col(2).setZero();
+    P(2, 2) = AirTuning::kSigmaHeading * AirTuning::kSigmaHeading;
+    one.belief_.P = P;
+    all.push_back(std::move(one));
+  }
+  return all;
 }
 
 AirEkf AirEkf::continued_at(Stamp stamp) const {
@@ -613,12 +957,20 @@ AirEkf AirEkf::continued_at(Stamp stamp) const {
   other.advance_to(std::max(belief_.stamp, odometry_.end()));
   other.belief_.stamp = stamp;
   other.odometry_ = odometry_.restarted(stamp);
+  other.sample_.reset();
   other.climb_rate_ = 0.0;
   return other;
 }
 
 AirEstimate AirEkf::current() const {
-  return {belief_.stamp, pose(), height(), belief_.marginal(place_)};
+  AirEstimate now{belief_.stamp, pose(), height(), belief_.marginal(place_)};
+  if (is_inertial()) {
+    const std::vector<Slot> turned{moving_[4], body_};  // tilt, and the third of the pose
+    const Matrix<5, 5> P = belief_.marginal(turned);
+    const std::array<int, 3> rows{0, 1, 4};
+    now.attitude = Attitude{quaternion_of(attitude()), P(rows, rows)};
+  }
+  return now;
 }
 
 AirEstimate AirEkf::estimate() const { return estimate(std::max(belief_.stamp, odometry_.end())); }

@@ -111,14 +111,21 @@ inline void expect_correlated(GaussianBelief& belief, double correlation_s) {
   }
 }
 
+/// Whether an estimator takes an Imu itself, and not an Odometer before it.
+template <class Estimator, class = void>
+constexpr bool kTakesImu = false;
+template <class Estimator>
+constexpr bool kTakesImu<Estimator, std::void_t<decltype(Estimator::kTakesImu)>> = true;
+
 /// Passes a message on to `on` of its kind; one of the kinds `Ignored` is kIgnored if it is valid,
-/// and so is an Imu, which an Odometer takes.
+/// and so is an Imu that an estimator does not take.
 template <class... Ignored, class Estimator>
 Outcome dispatch(Estimator& estimator, const Message& message) {
   return std::visit(
       [&](const auto& m) -> Outcome {
         using M = std::decay_t<decltype(m)>;
-        if constexpr (std::is_same_v<M, Imu> || (std::is_same_v<M, Ignored> || ...)) {
+        constexpr bool kNoImu = std::is_same_v<M, Imu> && !kTakesImu<Estimator>;
+        if constexpr (kNoImu || (std::is_same_v<M, Ignored> || ...)) {
           validate(m);
           return {Verdict::kIgnored, Reason::kNotUsed};
         } else {
@@ -263,6 +270,43 @@ inline void check_not_before(Stamp belief, Stamp stamp) {
   }
 }
 
+/// A copy of a belief, in memory of an earlier one: after the first of a size none is allocated.
+class KeptBelief {
+ public:
+  explicit KeptBelief(const GaussianBelief& belief) : kept_(copy_of(belief)) {}
+  KeptBelief(const KeptBelief&) = delete;
+  KeptBelief& operator=(const KeptBelief&) = delete;
+  ~KeptBelief() {
+    if (std::vector<GaussianBelief>& free = unused(); free.size() < free.capacity()) {
+      free.push_back(std::move(kept_));
+    }
+  }
+  [[nodiscard]] const GaussianBelief& belief() const { return kept_; }
+
+ private:
+  static GaussianBelief copy_of(const GaussianBelief& belief) {
+    std::vector<GaussianBelief>& free = unused();
+    if (free.empty()) {
+      return belief;
+    }
+    GaussianBelief copy = std::move(free.back());
+    free.pop_back();
+    copy = belief;
+    return copy;
+  }
+  static std::vector<GaussianBelief>& unused() {
+    constexpr std::size_t kMost = 4;
+    thread_local std::vector<GaussianBelief> beliefs = [] {
+      std::vector<GaussianBelief> none;
+      none.reserve(kMost);
+      return none;
+    }();
+    return beliefs;
+  }
+
+  GaussianBelief kept_;
+};
+
 /// Puts the pose of a belief of `Rows` variables back, bit for bit, unless the message that it was
 /// moved for was fused: a motion changes no more than the pose's rows and columns. Where more
 /// moves, `Rows` is 3 and the belief has more: then it is kept whole.
@@ -278,7 +322,7 @@ class Transaction {
       return;
     }
     if (Rows == 3 && belief.dimension() > 3) {
-      whole_ = belief;
+      whole_.emplace(belief);
     } else {
       x_ = belief.x.template head<3>();
       P_ = belief.P.template leftCols<3>();
@@ -290,7 +334,7 @@ class Transaction {
   Transaction& operator=(const Transaction&) = delete;
   ~Transaction() {
     if (belief_ != nullptr && whole_) {
-      *belief_ = *whole_;
+      *belief_ = whole_->belief();
     } else if (belief_ != nullptr) {
       belief_->stamp = stamp_;
       belief_->interventions = interventions_;
@@ -320,7 +364,7 @@ class Transaction {
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Rows, kMaxCorrelated>
       correlated_;
   double stood_ = 0.0;
-  std::optional<GaussianBelief> whole_;
+  std::optional<KeptBelief> whole_;
 };
 
 /// Moves the body and its belief's stamp.

@@ -100,9 +100,11 @@ void GaussianBelief::find_rows() {
       layout_->angle_rows.push_back(variable.offset + 2);
     }
     for (int i = 0; i < dimension_of(variable.kind); ++i) {
-      const SigmaBounds& sigma = variable.kind == SlotKind::kScalar ? kScalarBounds
-                                 : i == 2                           ? kHeadingBounds
-                                                                    : kPositionBounds;
+      const bool is_number =
+          variable.kind == SlotKind::kScalar || variable.kind == SlotKind::kPoint3;
+      const SigmaBounds& sigma = is_number ? kScalarBounds
+                                 : i == 2  ? kHeadingBounds
+                                           : kPositionBounds;
       layout_->variance_bounds[static_cast<std::size_t>(variable.offset) +
                                static_cast<std::size_t>(i)] = {sigma.min * sigma.min,
                                                                sigma.max * sigma.max};

@@ -96,9 +96,10 @@ void CorrelatedErrors::move(const Eigen::Ref<const MatrixXd>& jacobian, const in
     D = D * F.transpose();
     return;
   }
-  std::array<double, 3> few;  // no heap where it is a pose
-  std::vector<double> many(all > 3 ? static_cast<std::size_t>(all) : 0);
-  double* before = all > 3 ? many.data() : few.data();
+  constexpr Index kFew = 15;  // of an inertial body: no heap up to there
+  std::array<double, kFew> few;
+  std::vector<double> many(all > kFew ? static_cast<std::size_t>(all) : 0);
+  double* before = many.empty() ? few.data() : many.data();
   const auto turn = [&](double* first, Index step) {
     for (Index k = 0; k < all; ++k) {
       before[k] = first[rows[k] * step];

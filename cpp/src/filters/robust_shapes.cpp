@@ -12,6 +12,10 @@ template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 3, 
                         const Gate&, const NoiseShape&);
 template Outcome update(GaussianBelief&, const Linearization<1, 4>&, Slots, const Gate&,
                         const NoiseShape&);
+template Outcome update(GaussianBelief&, const Linearization<1, 15>&, Slots, const Gate&,
+                        const NoiseShape&);
+template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 15, 3>&, Slots,
+                        const Gate&, const NoiseShape&);
 template Outcome update(GaussianBelief&, const Linearization<1, Eigen::Dynamic>&, Slots,
                         const Gate&, const NoiseShape&);
 

@@ -15,7 +15,8 @@ namespace {
 
 int rank_of(const Message& message) {
   const Source source = source_of(message);
-  return source == Source::kOdometry ? 0 : source == Source::kScans ? 2 : 1;
+  const bool moves = source == Source::kOdometry || source == Source::kImu;
+  return moves ? 0 : source == Source::kScans ? 2 : 1;
 }
 
 constexpr std::int64_t kNoId = std::numeric_limits<std::int64_t>::min();

@@ -10,6 +10,7 @@
 #include <variant>
 
 #include "locfuse/error.hpp"
+#include "locfuse/math/angle.hpp"
 #include "recovery/outlier.hpp"
 
 namespace locfuse {
@@ -28,8 +29,14 @@ struct AirSumTuning {
   static constexpr double kMaxEpochs = 5.0;    ///< for how many epochs ranges are kept
 };
 
-/// Whether they say the same: within one sigma of each other, and neither is much vaguer.
+/// Whether they say the same: within one sigma of each other, and neither is much vaguer. What is
+/// known of a heading counts where there is an attitude.
 bool are_same(const AirEstimate& a, const AirEstimate& b) {
+  const double turn = wrap_angle(a.pose.heading - b.pose.heading);
+  if (a.attitude && turn * turn > AirSumTuning::kSameDistance *
+                                      std::min(a.covariance(2, 2), b.covariance(2, 2))) {
+    return false;
+  }
   const std::vector<int> place{0, 1, 3};
   const Vector<3> off(a.pose.x - b.pose.x, a.pose.y - b.pose.y, a.height - b.height);
   const Matrix<3, 3> P = a.covariance(place, place);
@@ -44,7 +51,8 @@ bool are_same(const AirEstimate& a, const AirEstimate& b) {
 /// decides alone.
 template <class M>
 double log_density_of(const M& z, const Outcome& outcome, const AirSum::Config& config) {
-  if constexpr (std::is_same_v<M, Velocity> || std::is_same_v<M, Increment>) {
+  if constexpr (std::is_same_v<M, Velocity> || std::is_same_v<M, Increment> ||
+                std::is_same_v<M, Imu>) {
     return 0.0;
   } else {
     return outcome.dof > 0 ? internal::log_density(outcome, config.wrong_share,
@@ -55,11 +63,18 @@ double log_density_of(const M& z, const Outcome& outcome, const AirSum::Config& 
 
 }  // namespace
 
-AirSum::AirSum(const Config& config, const AirEkf& start)
-    : config_(config), components_{{start, 0.0, false}} {}
+AirSum::AirSum(const Config& config, const AirEkf& start) : config_(config) {
+  for (AirEkf& one : start.by_heading()) {
+    components_.push_back({std::move(one), 0.0, false});
+  }
+}
 
 void AirSum::add(const AirEkf& start, double odds) {
-  components_.push_back({start, std::log(odds), true});
+  std::vector<AirEkf> all = start.by_heading();
+  const double each = std::log(odds) - std::log(static_cast<double>(all.size()));
+  for (AirEkf& one : all) {
+    components_.push_back({std::move(one), each, true});
+  }
 }
 
 void AirSum::add_image(const AirEkf& image, double odds) {
@@ -87,6 +102,7 @@ Outcome AirSum::on(const Range& z) {
 
 Outcome AirSum::on(const Velocity& u) { return take(u); }
 Outcome AirSum::on(const Increment& u) { return take(u); }
+Outcome AirSum::on(const Imu& z) { return take(z); }
 Outcome AirSum::on(const PositionFix& z) { return take(z); }
 Outcome AirSum::on(const Altitude& z) { return take(z); }
 Outcome AirSum::on(const Heading& z) { return take(z); }
@@ -195,8 +211,7 @@ void AirSum::forget(Stamp until) {
     std::visit(
         [this](const auto& m) {
           using M = std::decay_t<decltype(m)>;
-          if constexpr (!std::is_same_v<M, Range> && !std::is_same_v<M, LaserScan> &&
-                        !std::is_same_v<M, Imu>) {
+          if constexpr (!std::is_same_v<M, Range> && !std::is_same_v<M, LaserScan>) {
             weigh(m);
           }
         },
@@ -239,7 +254,7 @@ void AirSum::fuse_at(const Component& from, const Vector<3>& place, const std::v
           fused.log_weight += std::visit(
               [&](const auto& m) -> double {
                 using M = std::decay_t<decltype(m)>;
-                if constexpr (std::is_same_v<M, LaserScan> || std::is_same_v<M, Imu>) {
+                if constexpr (std::is_same_v<M, LaserScan>) {
                   return 0.0;
                 } else {
                   return log_density_of(m, fused.ekf.on(m), config_);

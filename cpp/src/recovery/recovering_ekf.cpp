@@ -205,6 +205,18 @@ Outcome RecoveringEkf::on(const RangeBearing& z) { return correct(z); }
 Outcome RecoveringEkf::on(const Altitude& z) { return correct(z); }
 Outcome RecoveringEkf::on(const Heading& z) { return correct(z); }
 
+Outcome RecoveringEkf::on(const Imu& z) {
+  validate(z);
+  auto* air = tracker_ ? std::get_if<AirEkf>(&*tracker_) : nullptr;
+  if (air == nullptr || !air->is_inertial()) {
+    return {Verdict::kIgnored, tracker_ ? Reason::kNotUsed : Reason::kNotStarted};
+  }
+  const Outcome outcome = track_in_space(*air, z);
+  health_.advance(belief().stamp);
+  listen();
+  return outcome;
+}
+
 Outcome RecoveringEkf::on(const Message& message) { return internal::dispatch(*this, message); }
 
 Outcome RecoveringEkf::on(const LaserScan& z) {
@@ -491,6 +503,9 @@ void RecoveringEkf::start_with(Tracker tracker) {
   health_.start(newest_);
   start_.reset();
   was_lost_ = false;
+  if (const auto* air = std::get_if<AirEkf>(&*tracker_); air != nullptr && !air->has_heading()) {
+    places_.emplace(recipe_->places(), *air);
+  }
 }
 
 Initializer::State RecoveringEkf::state() const {

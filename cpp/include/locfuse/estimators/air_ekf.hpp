@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -21,31 +22,47 @@
 #include "locfuse/models/measurement/range.hpp"
 #include "locfuse/models/measurement/range_bearing.hpp"
 #include "locfuse/models/motion/constant_velocity.hpp"
+#include "locfuse/models/motion/inertial.hpp"
 #include "locfuse/models/motion/odometry.hpp"
 
 namespace locfuse {
 
-/// Where a body that flies level is at one instant.
+/// How a body is turned in space.
+struct Attitude {
+  Vector<4> quaternion = Vector<4>::UnitX();  ///< (w, x, y, z) of R_world_body, w >= 0
+  /// Of its error, a rotation about the axes of the world [rad^2].
+  Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
+};
+
+/// Where a body that flies is at one instant. Its heading is that of its x axis in the plane; the
+/// variance of it is that of a rotation about the vertical.
 struct AirEstimate {
   Stamp stamp = 0;
   Pose2 pose;
   double height = 0.0;                             ///< over z = 0 of the world [m]
   Matrix<4, 4> covariance = Matrix<4, 4>::Zero();  ///< of (x, y, heading, height)
+  std::optional<Attitude> attitude = {};           ///< empty for a body that is taken as level
 };
 
 /// What carries an AirEkf from one measurement to the next.
 enum class AirMotion : std::uint8_t {
   kOdometry,          ///< Velocity or Increment, and a climb rate
   kConstantVelocity,  ///< nobody measures it
+  kInertial,          ///< Imu
 };
 
-/// Extended Kalman filter over (x, y, heading, height) of a body that flies and stays level, and
-/// with constant velocity over its velocity and climb rate: docs/air.md.
+/// Extended Kalman filter over (x, y, heading, height) of a body that flies, and without odometry
+/// over its velocity and climb rate; with an inertial sensor also over its attitude and the biases
+/// of the sensor. Without one the body is taken as level: docs/air.md.
 ///
-/// Its belief is that of a PoseEkf, slot `body`, with `height` and, with constant velocity,
-/// `velocity` (in world, m/s) and `climb` (m/s). A cheap value: copying it is a snapshot. Every
-/// `on` throws std::invalid_argument for a message that is not valid and NumericalError where
-/// numbers break. A message that is not fused changes no bit of the estimator.
+/// Its belief is that of a PoseEkf, slot `body`, with `height` and, without odometry, `velocity`
+/// (in world, m/s) and `climb` (m/s). Inertial, it has `tilt` as well, the error of the attitude
+/// about x and y of the world, whose mean is 0 as the attitude takes it up, `rate_bias` and
+/// `force_bias`. The first Imu shows which way is up.
+///
+/// A cheap value: copying it is a snapshot. Every `on` throws std::invalid_argument for a message
+/// that is not valid and NumericalError where numbers break. A message that is not fused changes no
+/// bit of the estimator.
 class AirEkf {
  public:
   struct Config {
@@ -55,6 +72,7 @@ class AirEkf {
     ConstantVelocityMotion::Config constant_velocity;
     double sigma_start_velocity_mps = 1.0;  ///< of each axis, with constant velocity [m/s]
     double sigma_start_climb_mps = 0.5;     ///< [m/s]
+    InertialMotion::Config inertial;
     RangeModel::Config range;
     PositionModel::Config position;
     PoseModel::Config pose;
@@ -94,6 +112,9 @@ class AirEkf {
   Outcome on(const Altitude& z);
   Outcome on(const Heading& z);
   Outcome on(const PoseObservation& z);
+  /// Holds until the next one, or for 0.1 s. Ignored unless inertial; kNotModelled without a force.
+  Outcome on(const Imu& z);
+  static constexpr bool kTakesImu = true;
   /// Of a landmark that it names, at its height; kNotModelled without a name.
   Outcome on(const RangeBearing& z);
 
@@ -120,7 +141,8 @@ class AirEkf {
   /// (x, y, height) at a stamp beside that of the belief, by the velocity if that is a state.
   [[nodiscard]] Vector<3> place_at(Stamp at) const;
   /// The mirror image across the plane of the anchors, where ranges cannot tell it from this: about
-  /// as near to that plane as the belief reaches, and inside the room. Its odds, eq. (4).
+  /// as near to that plane as the belief reaches, and inside the room. Its odds, eq. (4). None of
+  /// an inertial body, whose sensor knows which way it moves.
   [[nodiscard]] std::optional<std::pair<AirEkf, double>> image() const;
   /// Log of the probability that the height is one of the room.
   [[nodiscard]] double log_inside() const;
@@ -131,6 +153,11 @@ class AirEkf {
   /// The same that may be anywhere within about `span` [m] to either side, at any heading, with
   /// the velocity of a start.
   [[nodiscard]] AirEkf anywhere(double span) const;
+  /// The same at headings all around, each known well enough to be linearized about; itself alone
+  /// where its heading is, or where nothing depends on it.
+  [[nodiscard]] std::vector<AirEkf> by_heading() const;
+  /// Whether its heading is known well enough for that, or nothing depends on it.
+  [[nodiscard]] bool has_heading() const;
 
   /// The same place and velocity, those of `estimate`, on a clock that now shows `stamp`. Throws
   /// std::invalid_argument if the stamp is beyond kStampLimit.
@@ -149,29 +176,54 @@ class AirEkf {
   [[nodiscard]] static constexpr bool is_in_space() { return true; }  ///< as of RecoveringEkf
   [[nodiscard]] Pose2 pose() const { return belief_.pose(body_); }
   [[nodiscard]] double height() const { return belief_.x(belief_.offset(height_)); }
+  [[nodiscard]] bool is_inertial() const { return recipe_motion() == AirMotion::kInertial; }
+  [[nodiscard]] Matrix<3, 3> attitude() const;  ///< R_world_body
 
  private:
-  struct Recipe;  // what never changes, shared by all snapshots
+  struct Recipe;   // what never changes, shared by all snapshots
+  struct Sample {  // of the inertial sensor, in the axes of the body
+    Stamp stamp;
+    Vector<3> rate;
+    Vector<3> force;
+  };
+  class Undo;
 
   template <class Motion>
   Outcome take(const Motion& u, double climb_rate);
+  [[nodiscard]] AirMotion recipe_motion() const;
   void lift(Stamp stamp);
+  void integrate(Stamp stamp, const Vector<3>& rate, const Vector<3>& force);
+  void coast(Stamp stamp);
+  void look_up(const Vector<3>& force);
+  void turn_to(const Matrix<3, 3>& attitude);
+  void take_up_tilt();
   void stay_inside();
+  [[nodiscard]] Vector<3> position() const;
+  [[nodiscard]] InertialMotion::State inertial_state() const;
+  [[nodiscard]] std::array<int, 3> velocity_rows() const;
+  [[nodiscard]] std::optional<Linearization<1, 4>> look(const Vector<3>& place,
+                                                        const Range& z) const;
+  [[nodiscard]] Vector<3> arm_of(const std::vector<Tag>& tags, Id tag) const;
+  [[nodiscard]] Eigen::VectorXd off(const AirEkf& other) const;
   [[nodiscard]] Matrix<3, 3> spread() const;
   [[nodiscard]] double squared_speed(const Vector<3>& along) const;
   Outcome correct_by(const Range& z, const Gate& gate);
-  template <class Noise, class Linearize, class Why>
-  Outcome correct(Stamp stamp, const Gate& gate, const Noise& noise, Slots slots,
-                  const Linearize& linearize, const Why& why);
+  Outcome correct_at(const Range& z, const Gate& gate, const Vector<3>* place);
+  template <class Noise, class See, class Why>
+  Outcome correct(Stamp stamp, const Gate& gate, const Noise& noise, const See& see,
+                  const Why& why);
 
   std::shared_ptr<const Recipe> recipe_;
   GaussianBelief belief_;
   Slot body_;
   Slot height_;
   std::vector<Slot> place_;   // body, height
-  std::vector<Slot> moving_;  // and, with constant velocity, velocity and climb
+  std::vector<Slot> moving_;  // and, without odometry, velocity and climb; inertial: all there is
   HeldMotion odometry_;
-  double climb_rate_ = 0.0;  // [m/s], held as long as odometry is
+  std::optional<Sample> sample_;                     // the last one
+  bool has_up_ = false;                              // whether a force has shown which way it is
+  Matrix<3, 3> upright_ = Matrix<3, 3>::Identity();  // the attitude less the heading
+  double climb_rate_ = 0.0;                          // [m/s], held as long as odometry is
 };
 
 }  // namespace locfuse

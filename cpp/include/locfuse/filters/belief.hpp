@@ -23,11 +23,13 @@ enum class SlotKind : std::uint8_t {
   kPose2,   ///< x, y, heading; the third row is an angle
   kPoint2,  ///< x, y
   kScalar,  ///< one number, such as a height or an error of a sensor
+  kPoint3,  ///< three numbers, such as the errors of a sensor along its axes
 };
 
 [[nodiscard]] constexpr int dimension_of(SlotKind kind) {
   switch (kind) {
     case SlotKind::kPose2:
+    case SlotKind::kPoint3:
       return 3;
     case SlotKind::kPoint2:
       return 2;

@@ -324,6 +324,9 @@ extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynam
                                const Gate&);
 extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 5, 2>&, Slots,
                                const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<1, 15>&, Slots, const Gate&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 15, 3>&, Slots,
+                               const Gate&);
 extern template Outcome update(GaussianBelief&, const Linearization<1, 12>&, Slots, const Gate&);
 extern template Outcome update(GaussianBelief&, const Linearization<3, 12>&, Slots, const Gate&);
 extern template Outcome update(GaussianBelief&, const Linearization<6, 12>&, Slots, const Gate&);

@@ -94,6 +94,10 @@ extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynam
                                const Gate&, const NoiseShape&);
 extern template Outcome update(GaussianBelief&, const Linearization<1, 4>&, Slots, const Gate&,
                                const NoiseShape&);
+extern template Outcome update(GaussianBelief&, const Linearization<1, 15>&, Slots, const Gate&,
+                               const NoiseShape&);
+extern template Outcome update(GaussianBelief&, const Linearization<Eigen::Dynamic, 15, 3>&, Slots,
+                               const Gate&, const NoiseShape&);
 extern template Outcome update(GaussianBelief&, const Linearization<1, Eigen::Dynamic>&, Slots,
                                const Gate&, const NoiseShape&);
 

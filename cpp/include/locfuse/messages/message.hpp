@@ -68,9 +68,9 @@ inline void validate_in_space(const Message& message) {
       message);
 }
 
-/// The order of fusion: by effective stamp, at equal ones odometry first and scans last, between
-/// them by kind in the order of Message, by ids, and by what they say. Odometry is by the end of
-/// the motion, and as it arrives where that is equal, too: there the last one holds.
+/// The order of fusion: by effective stamp, at equal ones odometry and Imu first and scans last,
+/// between them by kind in the order of Message, by ids, and by what they say. Odometry is by the
+/// end of the motion, and as it arrives where that is equal, too: there the last one holds.
 [[nodiscard]] bool precedes(const Message& a, const Message& b);
 
 /// Message of a source whose stamps are late by `delay` [ns], with corrected stamps.

@@ -24,6 +24,7 @@ class AirSum {
     double correlation_s = 10.0;  ///< the ranges of a link err the same way for so long [s]
   };
 
+  /// At headings all around where that of `start` is unknown and matters.
   AirSum(const Config& config, const AirEkf& start);
 
   /// Whether a range is fused together with others rather than by itself.
@@ -39,6 +40,7 @@ class AirSum {
   Outcome on(const Range& z);
   Outcome on(const Velocity& u);
   Outcome on(const Increment& u);
+  Outcome on(const Imu& z);
   Outcome on(const PositionFix& z);
   Outcome on(const Altitude& z);
   Outcome on(const Heading& z);

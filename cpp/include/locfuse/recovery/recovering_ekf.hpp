@@ -70,6 +70,9 @@ class RecoveringEkf {
   /// kNotModelled unless is_in_space.
   Outcome on(const Altitude& z);
   Outcome on(const Heading& z);
+  /// As of an AirEkf; kIgnored by any other.
+  Outcome on(const Imu& z);
+  static constexpr bool kTakesImu = true;
   Outcome on(const Message& message);
   /// Of use while it has no place or is lost; kIgnored.
   Outcome on(const LaserScan& z);
