@@ -68,7 +68,7 @@ void bind_inertial(py::module_& m) {
                      "Random walk of the gyro's bias [rad/s / sqrt(s)].")
       .def_readwrite("sigma_bias_mps2_per_sqrt_s", &Config::sigma_bias_mps2_per_sqrt_s,
                      "Random walk of the accelerometer's bias [m/s^2 / sqrt(s)].")
-      .def_readwrite("sigma_scale", &Config::sigma_scale, "Of the gyro's scale and axes.")
+      .def_readwrite("sigma_scale", &Config::sigma_scale, "Of the gyro's scale.")
       .def_readwrite("mount", &Config::mount,
                      "Roll, pitch and yaw of the sensor's axes in the body [rad], shape (3,).");
 }

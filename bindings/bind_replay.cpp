@@ -170,6 +170,35 @@ void bind_replay(py::module_& m) {
           },
           "Of (x, y, heading, height), (n, 4, 4); else empty.")
       .def_property_readonly(
+          "orientations",
+          [](const RunLog& r) {
+            std::vector<double> rows;
+            for (const locfuse::AirEstimate& e : r.in_space) {
+              if (e.attitude) {
+                rows.insert(rows.end(), e.attitude->quaternion.data(),
+                            e.attitude->quaternion.data() + 4);
+              }
+            }
+            const auto n = static_cast<py::ssize_t>(rows.size() / 4);
+            return to_numpy(std::move(rows), {n, 4});
+          },
+          "Unit quaternions (w, x, y, z) from body to world of an inertial AirEkf, (n, 4); else "
+          "empty.")
+      .def_property_readonly(
+          "orientation_covariances",
+          [](const RunLog& r) {
+            std::vector<double> rows;
+            for (const locfuse::AirEstimate& e : r.in_space) {
+              if (e.attitude) {
+                rows.insert(rows.end(), e.attitude->covariance.data(),
+                            e.attitude->covariance.data() + 9);
+              }
+            }
+            const auto n = static_cast<py::ssize_t>(rows.size() / 9);
+            return to_numpy(std::move(rows), {n, 3, 3});
+          },
+          "Of their errors, rotations about the axes of the world [rad^2], (n, 3, 3); else empty.")
+      .def_property_readonly(
           "interventions",
           [](const RunLog& r) {
             return column_of<std::int64_t>(r.outcomes,

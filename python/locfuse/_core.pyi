@@ -23,6 +23,7 @@ __all__: list[str] = [
     "Anchor",
     "AnchorMap",
     "Association",
+    "Attitude",
     "BeamLandmark",
     "BeamModelConfig",
     "BodyPropagation",
@@ -57,6 +58,7 @@ __all__: list[str] = [
     "HealthState",
     "Imu",
     "Increment",
+    "InertialConfig",
     "Initializer",
     "InitializerConfig",
     "Injection",
@@ -2674,6 +2676,7 @@ class SlotKind(enum.Enum):
     """
 
     POINT2 = ...
+    POINT3 = ...
     POSE2 = ...
     SCALAR = ...
 
@@ -3279,12 +3282,83 @@ class ConstantVelocityMotion:
         State (7,) `seconds` later: x, y, heading, height, velocity x and y, climb rate.
         """
 
+class InertialConfig:
+    """
+    Noise and mount of an inertial sensor; docs/air.md.
+    """
+    def __init__(self) -> None: ...
+    @property
+    def mount(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        """
+        Roll, pitch and yaw of the sensor's axes in the body [rad], shape (3,).
+        """
+    @mount.setter
+    def mount(
+        self, arg0: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"]
+    ) -> None: ...
+    @property
+    def sigma_bias_mps2(self) -> float:
+        """
+        Sigma of the accelerometer's bias at the start [m/s^2].
+        """
+    @sigma_bias_mps2.setter
+    def sigma_bias_mps2(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_bias_mps2_per_sqrt_s(self) -> float:
+        """
+        Random walk of the accelerometer's bias [m/s^2 / sqrt(s)].
+        """
+    @sigma_bias_mps2_per_sqrt_s.setter
+    def sigma_bias_mps2_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_bias_radps(self) -> float:
+        """
+        Sigma of the gyro's bias at the start [rad/s].
+        """
+    @sigma_bias_radps.setter
+    def sigma_bias_radps(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_bias_radps_per_sqrt_s(self) -> float:
+        """
+        Random walk of the gyro's bias [rad/s / sqrt(s)].
+        """
+    @sigma_bias_radps_per_sqrt_s.setter
+    def sigma_bias_radps_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+    @property
+    def sigma_scale(self) -> float:
+        """
+        Of the gyro's scale.
+        """
+    @sigma_scale.setter
+    def sigma_scale(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_turn_per_sqrt_s(self) -> float:
+        """
+        White noise of the gyro [rad / sqrt(s)].
+        """
+    @sigma_turn_per_sqrt_s.setter
+    def sigma_turn_per_sqrt_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
+    def sigma_velocity_per_sqrt_s(self) -> float:
+        """
+        White noise of the accelerometer [m/s / sqrt(s)].
+        """
+    @sigma_velocity_per_sqrt_s.setter
+    def sigma_velocity_per_sqrt_s(
+        self, arg0: typing.SupportsFloat | typing.SupportsIndex
+    ) -> None: ...
+
 class AirMotion(enum.Enum):
     """
     Motion model of an AirEkf.
     """
 
     CONSTANT_VELOCITY = ...
+    INERTIAL = ...
     ODOMETRY = ...
 
 class AirEkfConfig:
@@ -3294,6 +3368,7 @@ class AirEkfConfig:
 
     altitude: AltitudeConfig
     constant_velocity: ConstantVelocityConfig
+    inertial: InertialConfig
     landmark: RangeBearingConfig
     landmark_in_space: RangeBearingInSpace
     limits: Limits
@@ -3377,6 +3452,21 @@ class AirEkfConfig:
         self, arg0: typing.SupportsFloat | typing.SupportsIndex
     ) -> None: ...
 
+class Attitude:
+    """
+    How a body is turned in space.
+    """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        Of its error, a rotation about the axes of the world [rad^2], shape (3, 3).
+        """
+    @property
+    def quaternion(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[4, 1]"]:
+        """
+        (w, x, y, z) of the rotation from body to world, w >= 0, shape (4,).
+        """
+
 class AirEstimate:
     """
     Pose and height of a flying body at one stamp [ns], with the covariance (4, 4) of (x, y, heading, height).
@@ -3389,6 +3479,11 @@ class AirEstimate:
         covariance: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[4, 4]"],
     ) -> None: ...
     def __repr__(self) -> str: ...
+    @property
+    def attitude(self) -> Attitude | None:
+        """
+        Attitude of an inertial body; None where it is taken as level.
+        """
     @property
     def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[4, 4]"]:
         """
@@ -3408,7 +3503,8 @@ class AirEkf:
     """
     Extended Kalman filter over (x, y, heading, height) of a flying body.
 
-    The body stays level. The motion is odometry with a climb rate, or an estimated constant velocity.
+    The motion is odometry with a climb rate, an estimated constant velocity, or what an inertial sensor
+    measures. With that the attitude is estimated, too; without it the body is taken as level.
 
     Parameters
     ----------
@@ -3446,6 +3542,10 @@ class AirEkf:
     def __init__(self, config: AirEkfConfig, world: World, start: AirEstimate) -> None: ...
     def __repr__(self) -> str: ...
     def advance_to(self, stamp: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    def attitude(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        Rotation (3, 3) from body to world at the belief's stamp; of a level body by its heading.
+        """
     @typing.overload
     def estimate(self) -> AirEstimate:
         """
@@ -6417,6 +6517,16 @@ class RunLog:
     def log_likelihood(self) -> numpy.typing.NDArray[numpy.float64]: ...
     @property
     def nis(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    @property
+    def orientation_covariances(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Of their errors, rotations about the axes of the world [rad^2], (n, 3, 3); else empty.
+        """
+    @property
+    def orientations(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Unit quaternions (w, x, y, z) from body to world of an inertial AirEkf, (n, 4); else empty.
+        """
     @property
     def poses(self) -> numpy.typing.NDArray[numpy.float64]:
         """

@@ -101,6 +101,10 @@ class Trajectory:
         Metres over z = 0 of the world; None in the plane.
     height_variance : float64 array, shape (n,), or None
         Square metres.
+    orientation : float64 array, shape (n, 4), or None
+        Unit quaternions (w, x, y, z) from body to world; None of a body that is taken as level.
+    orientation_covariance : float64 array, shape (n, 3, 3), or None
+        Of its error, a rotation about the axes of the world, in square radians.
     """
 
     stamp_ns: StampArray
@@ -109,11 +113,14 @@ class Trajectory:
     covariance: FloatArray | None = None
     height: FloatArray | None = None
     height_variance: FloatArray | None = None
+    orientation: FloatArray | None = None
+    orientation_covariance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
         expected = {"position": (n, 2), "heading": (n,), "covariance": (n, 3, 3), "height": (n,),
-                    "height_variance": (n,)}  # fmt: skip
+                    "height_variance": (n,), "orientation": (n, 4),
+                    "orientation_covariance": (n, 3, 3)}  # fmt: skip
         for name, shape in expected.items():
             value = getattr(self, name)
             if value is not None and value.shape != shape:
@@ -128,7 +135,8 @@ class Trajectory:
 
 def rows_of(track: Trajectory, rows: NDArray[Any]) -> Trajectory:
     """Return some rows of a trajectory, chosen by a mask or by indices that increase."""
-    columns = (track.heading, track.covariance, track.height, track.height_variance)
+    columns = (track.heading, track.covariance, track.height, track.height_variance,
+               track.orientation, track.orientation_covariance)  # fmt: skip
     return Trajectory(
         track.stamp_ns[rows],
         track.position[rows],

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from locfuse.check import check
-from locfuse.config.load import parse_config
+from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import FUSES, SOURCES, Kind, RunConfig
-from locfuse.eval.errors import interpolate
-from locfuse.io.log_folder import read_log_file
+from locfuse.eval.errors import errors_against, interpolate
+from locfuse.io.log_folder import read_log, read_log_file, write_log
 from locfuse.io.rosbag.bag_reader import read_bag
 from locfuse.io.rosbag.bag_writer import write_bag
 from locfuse.live import LiveRun
@@ -32,6 +32,7 @@ from locfuse.types import ConfigError, Log, LogError, RunResult
 from support_adapter import Robot, assert_poses_are, later
 from support_live import assert_same, live_of
 from support_live import world_of as world_tables_of
+from support_runs import ROOT
 
 WHEELS = {"sigma_longitudinal_per_sqrt_m": 0.05, "sigma_heading_per_sqrt_m": 0.03}
 POSTS = {"A": [4, 4], "B": [10, 2], "C": [16, 4], "D": [18, 10], "E": [16, 16], "F": [10, 18],
@@ -91,14 +92,36 @@ WORLDS: Mapping[str, dict[str, Any]] = {
         },
     },
 }  # fmt: skip
-KINDS = list(FUSES)
+WORLDS = {
+    **WORLDS,
+    "inertial": {
+        "simulation": {
+            **{key: value for key, value in WORLDS["air"]["simulation"].items()
+               if not key.startswith("landmark")},
+            "odometry": None,
+            "tags": {"front": [0.3, 0, 0.1], "back": [-0.3, 0, 0.1]},
+            "imu": {"sigma_rate_radps_per_sqrt_hz": 0.0005, "sigma_force_mps2": 0.1},
+        },
+        "estimator": {
+            "kind": "air",
+            "range": {"sigma_m": 0.1},
+            "air": {"motion": "inertial", "start_height_m": 1.5,
+                    "altitude": {"altimeter_up_m": 0.2}},
+        },
+    },
+}  # fmt: skip
+KINDS = list(WORLDS)
+
+
+def world_of_kind(kind: str) -> dict[str, Any]:
+    """Return the document of a run of that kind, or of one that is inertial."""
+    return {**WORLDS[kind], "estimator": {"kind": kind, **WORLDS[kind].get("estimator", {})}}
 
 
 @cache
-def driven(kind: Kind) -> tuple[RunConfig, Log]:
+def driven(kind: str) -> tuple[RunConfig, Log]:
     """Return a run of that kind with its log; its start is given, as live."""
-    world = {**WORLDS[kind], "seed": 5}
-    world["estimator"] = {**world.get("estimator", {}), "kind": kind}
+    world = {**world_of_kind(kind), "seed": 5}
     config = parse_config(world)
     log = load_log(config, None, config.seed)
     x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
@@ -107,43 +130,45 @@ def driven(kind: Kind) -> tuple[RunConfig, Log]:
 
 
 @cache
-def result_of(kind: Kind) -> RunResult:
+def result_of(kind: str) -> RunResult:
     return run(*driven(kind))
 
 
 def test_every_kind_has_a_world() -> None:
-    assert set(WORLDS) == set(KINDS)
+    assert set(WORLDS) == {*FUSES, "inertial"}
     assert all(set(sources) <= set(SOURCES) for sources in FUSES.values())
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_run(kind: Kind) -> None:
+def test_run(kind: str) -> None:
     result = result_of(kind)
     assert result.metrics["position_rmse_m"] < 0.3
     assert result.metrics["nees_in_band"] > 0.8
     assert result.health is not None
     assert np.mean(result.health.state == "ok") > 0.8
     fused = set(result.outcomes.source[result.outcomes.verdict == "fused"].tolist())
-    assert fused == {source for source in FUSES[kind] if source in result.log}
+    sources = [*FUSES[driven(kind)[0].estimator.kind], *["imu"] * (kind == "inertial")]
+    assert fused == {source for source in sources if source in result.log}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_live(kind: Kind) -> None:
+def test_live(kind: str) -> None:
     assert_same(*driven(kind))
 
 
 @pytest.mark.parametrize("late_ones", ["all of a moment", "any row"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_late_messages_give_the_bits_of_the_sorted_log(kind: Kind, late_ones: str) -> None:
+def test_late_messages_give_the_bits_of_the_sorted_log(kind: str, late_ones: str) -> None:
     """Of several at one stamp, too, of which some are late."""
     config, log = driven(kind)
     tables, rng = dict(log.tables), np.random.default_rng(1)
-    for source in ("ranges", "positions", "poses", "landmark_sightings", "altitudes"):
+    for source in ("ranges", "positions", "poses", "landmark_sightings", "altitudes", "imu"):
         if source in tables:
             stamp = tables[source]["stamp_ns"]
             is_late = stamp // 200_000_000 % 5 == 0
             if late_ones == "any row":
                 is_late = rng.random(len(stamp)) < 0.2
+            is_late &= (stamp > 1_000_000_000) | ("odometry" in tables)  # or it starts later
             arrival = stamp + np.where(is_late, 500_000_000, 0)
             tables[source] = {**tables[source], "arrival_ns": arrival}
     late = replace(log, tables=tables)
@@ -158,7 +183,7 @@ def test_late_messages_give_the_bits_of_the_sorted_log(kind: Kind, late_ones: st
 
 @pytest.mark.parametrize("ros", ["ros1", "ros2"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_nodes(kind: Kind, ros: str) -> None:
+def test_nodes(kind: str, ros: str) -> None:
     config, log = driven(kind)
     config = config.model_copy(
         update={"ros": config.ros.model_copy(update={"estimate_at": "fused"})}
@@ -172,7 +197,7 @@ def test_nodes(kind: Kind, ros: str) -> None:
 
 @pytest.mark.parametrize("bag", ["drive.bag", "drive.mcap"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_bags(kind: Kind, bag: str, tmp_path: Path) -> None:
+def test_bags(kind: str, bag: str, tmp_path: Path) -> None:
     config, result = driven(kind)[0], result_of(kind)
     write_bag(result, tmp_path / bag, config.ros)
     again = run(config, read_bag(tmp_path / bag, config.ros)).estimate
@@ -182,22 +207,24 @@ def test_bags(kind: Kind, bag: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_check_sweep_and_capsule(kind: Kind) -> None:
+def test_check_sweep_and_capsule(kind: str) -> None:
     config, log = driven(kind)
     assert not [f for f in check(config, log).findings if f.severity == "error"]
     assert replay_capsule(make_capsule(config, log)) == []
-    world = {**WORLDS[kind], "estimator": {**WORLDS[kind].get("estimator", {}), "kind": kind}}
-    trials = run_trials(parse_config(world), 2, {"estimator.position.gate": [0.99, 0.999]},
+    trials = run_trials(parse_config(world_of_kind(kind)), 2, {"estimator.position.gate": [0.99, 0.999]},
                         workers=1)  # fmt: skip
     assert len(trials) == 2
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_studio(kind: Kind) -> None:
+def test_studio(kind: str) -> None:
     """Its choice runs, and choosing another afterwards leaves nothing of it."""
     data = {key: value for key, value in WORLDS[kind].items() if key != "estimator"}
     config = checked(data)
     offered = {choice.key: choice for choice in choices(data, config)}
+    if kind == "inertial":  # the motion of the choice "air"
+        assert "air" in offered
+        return
     if kind == "pose":
         assert "tag_triangle" not in offered
         assert "landmark_slam" not in offered
@@ -300,6 +327,47 @@ def test_a_flight_starts_at_the_height_of_the_reference() -> None:
     assert result.estimate.height[0] == pytest.approx(0.4, abs=1e-9)
 
 
+def test_attitudes_are_written_scored_and_published(tmp_path: Path) -> None:
+    config, log = driven("inertial")
+    heading = log["truth"]["heading_rad"]
+    level = {"qw": np.cos(heading / 2), "qx": 0.0 * heading, "qy": 0.0 * heading,
+             "qz": np.sin(heading / 2)}  # fmt: skip
+    log = replace(log, tables={**log.tables, "truth": {**log["truth"], **level}})
+    write_log(log, tmp_path / "log")
+    log = read_log(tmp_path / "log")
+    result = run(config, log)
+    turned = result.estimate.orientation
+    assert turned is not None
+    assert result.estimate.orientation_covariance is not None
+    assert result.metrics["roll_rmse_deg"] < 1.0
+    assert result.metrics["pitch_rmse_deg"] < 1.0
+    last = np.diagonal(result.estimate.orientation_covariance[-1])
+    assert np.all(np.sqrt(last[:2]) < np.radians(2.0))
+    assert np.abs(turned[-1, 1:3]).max() < 4.0 * np.sqrt(last[:2].max())
+    write_results(result, tmp_path / "out")
+    header, *rows = (tmp_path / "out" / "estimate.csv").read_text().splitlines()
+    values = dict(zip(header.split(","), rows[-1].split(","), strict=True))
+    assert [float(values[name]) for name in ("qw", "qx", "qy", "qz")] == turned[-1].tolist()
+    assert float(values["cov_tilt_x_x"]) == last[0]
+    tum = (tmp_path / "out" / "estimate.tum").read_text().splitlines()[-1].split()
+    assert [float(tum[i]) for i in (7, 4, 5, 6)] == turned[-1].tolist()
+    fused = {"ros": config.ros.model_copy(update={"estimate_at": "fused"})}
+    robot = Robot(config.model_copy(update=fused), later(log))
+    robot.learn()
+    robot.drive()
+    pose = robot.said("locfuse/pose")[-1]["pose"]
+    live, _ = live_of(config, log)
+    fused_pose = live.fused()
+    assert fused_pose is not None
+    assert fused_pose.orientation is not None
+    assert fused_pose.orientation_covariance is not None
+    said = [pose["pose"]["orientation"][axis] for axis in "wxyz"]
+    assert said == pytest.approx(fused_pose.orientation.tolist(), abs=1e-9)
+    assert pose["covariance"][21] == pytest.approx(fused_pose.orientation_covariance[0, 0])
+    write_bag(result, tmp_path / "out.bag", config.ros)
+    assert live_of(*driven("air"))[0].pose().orientation is None  # type: ignore[union-attr]
+
+
 def test_altitudes_and_elevations_improve_the_height() -> None:
     config, log = driven("air")
     with_ranges = run(config.model_copy(update={"use": ["odometry", "ranges"]}), log).metrics
@@ -310,7 +378,7 @@ def test_altitudes_and_elevations_improve_the_height() -> None:
 
 
 @pytest.mark.parametrize("kind", ["pose", "tag_triangle", "landmark_slam"])
-def test_altitudes_without_a_height_are_named(kind: Kind) -> None:
+def test_altitudes_without_a_height_are_named(kind: str) -> None:
     config, log = driven(kind)
     stamp = log["truth"]["stamp_ns"][::10]
     altitudes = {"stamp_ns": stamp, "height_m": np.full(len(stamp), 1.0)}
@@ -363,6 +431,10 @@ def test_what_a_kind_does_not_fuse_is_ignored_with_a_reason() -> None:
         ({"estimator": {"kind": "air"}, "start": "auto"}, "finds no height"),
         ({"estimator": {"kind": "air", "adaptive": {"messages": 20}}}, "belongs to kind 'pose'"),
         ({"estimator": {"kind": "landmark_slam"}, "use": ["poses"]}, "does not fuse"),
+        ({"estimator": {"kind": "air", "air": {"motion": "inertial"}}, "use": ["ranges"]},
+         "use leaves 'imu' out"),
+        ({"imu": {"mount_deg": [0, 0]}}, "mount_deg"),
+        ({"imu": {"sigma_bias_mps2": 0}}, "sigma_bias_mps2"),
         ({"estimator": {"kind": "landmark_slam"}, "mcl": {}}, "expected one of them"),
         ({"estimator": {"kind": "landmark_slam", "landmark_slam": {"gate_new": 0.9}}},
          "expected landmark.gate <= gate_new"),
@@ -412,3 +484,77 @@ def test_a_run_warns_of_what_it_ignores(caplog: pytest.LogCaptureFixture) -> Non
     assert set(result.outcomes.reason[of_odometry].tolist()) == {
         "air.motion is constant_velocity, which takes no odometry"
     }
+
+
+def test_an_inertial_run_needs_forces() -> None:
+    config, log = driven("inertial")
+    tables = {name: table for name, table in log.tables.items() if name != "imu"}
+    with pytest.raises(LogError, match="motion is inertial, but the log has no imu; add"):
+        run(config, replace(log, tables=tables))
+    gyro = {key: column for key, column in log["imu"].items() if not key.startswith("a")}
+    with pytest.raises(LogError, match="has no ax_mps2 in imu"):
+        run(config, replace(log, tables={**tables, "imu": gyro}))
+
+
+def test_a_mount_of_an_inertial_sensor_is_taken_into_account() -> None:
+    """A sensor upside down and turned by a quarter gives what a straight one does."""
+    config, log = driven("inertial")
+    askew = dict(log["imu"])
+    for kind in ("w{}_radps", "a{}_mps2"):  # body to sensor, by roll 180 then yaw 90
+        x, y, z = (log["imu"][kind.format(axis)] for axis in "xyz")
+        for axis, column in zip("xyz", (y, x, -z), strict=True):
+            askew[kind.format(axis)] = column
+    turned = replace(log, tables={**log.tables, "imu": askew})
+    mounted = config.model_copy(
+        update={"imu": config.imu.model_copy(update={"mount_deg": (180.0, 0.0, 90.0)})}
+    )
+    expected, found = result_of("inertial").estimate, run(mounted, turned).estimate
+    assert found.position[-1] == pytest.approx(expected.position[-1], abs=1e-9)
+    assert not np.allclose(run(config, turned).estimate.position[-1], expected.position[-1])
+
+
+def test_an_unknown_heading_is_found_by_moving() -> None:
+    """Of one tag; until then health says that there are several."""
+    world = dict(world_of_kind("inertial"))
+    simulation = {**world["simulation"], "tags": {"tag": [0, 0, 0]}, "duration_s": 60,
+                  "path": {"shape": "eight", "speed_mps": 1.8, "radius_m": 1.2}}  # fmt: skip
+    sigma = {"xy_m": 0.3, "heading_deg": 180}
+    for seed in range(4):
+        config = parse_config({**world, "simulation": simulation, "start_sigma": sigma})
+        log = load_log(config, None, seed)
+        x, y, heading = (float(log["truth"][key][0]) for key in ("x_m", "y_m", "heading_rad"))
+        start = [x, y, float(np.degrees(heading)) + 40.0 + 90.0 * seed]
+        result = run(config.model_copy(update={"start": tuple(start)}), log)
+        assert result.health is not None
+        assert result.health.state[0] == "ambiguous"
+        reference = truth_of(log)
+        assert reference is not None
+        errors = errors_against(result.estimate, reference)
+        assert errors.heading is not None
+        assert errors.sigma is not None
+        assert "ok" in result.health.state
+        ok_from = result.health.stamp_ns[np.argmax(result.health.state == "ok")]
+        assert ok_from < 20_000_000_000
+        sure = errors.stamp_ns >= ok_from
+        assert np.mean(np.abs(errors.heading[sure]) > 3.0 * errors.sigma[sure, 2]) <= 0.01
+        assert abs(errors.heading[-1]) < np.radians(15.0)
+
+
+def test_ten_seconds_without_ranges_are_bridged() -> None:
+    """Sensors of a consumer, whose noise is said twice as large: inside three sigma, 1.5 m."""
+    config = load_config(ROOT / "examples" / "configs" / "inertial_flight.yaml")
+    for seed in range(8):
+        log = load_log(config, None, seed)
+        result = run(config, log)
+        reference = truth_of(log)
+        assert reference is not None
+        errors = errors_against(result.estimate, reference)
+        assert errors.sigma is not None
+        assert errors.height is not None
+        assert result.estimate.height_variance is not None
+        at = int(np.searchsorted(errors.stamp_ns, 49_900_000_000))
+        off = np.array([*errors.position[at], errors.height[at]])
+        up = np.sqrt(result.estimate.height_variance[errors.row[at]])
+        sigma = np.array([*errors.sigma[at, :2], up])
+        assert np.linalg.norm(off) < 1.5
+        assert np.all(np.abs(off) < 3.0 * sigma)

@@ -341,7 +341,7 @@ Outcome AirEkf::on(const Imu& z) {
   if (!is_inertial()) {
     return {Verdict::kIgnored, Reason::kNotUsed};
   }
-  if (!z.specific_force) {
+  if (!z.specific_force || z.specific_force->isZero(0.0)) {
     return {Verdict::kNotModelled, Reason::kNotUsed};
   }
   if (!(z.angular_rate.norm() <= recipe_->config.limits.turn_rate_radps &&

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel
 
 from locfuse import _core
@@ -14,6 +15,7 @@ from locfuse.config.schema import (
     Cylinders,
     Estimator,
     Health,
+    Imu,
     Initializer,
     Mcl,
     RangeError,
@@ -57,9 +59,13 @@ def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
     return config
 
 
-def build_air_config(estimator: Estimator) -> _core.AirEkfConfig:
-    """Return the C++ struct with every value of `estimator` for a body that flies."""
-    config, air = _core.AirEkfConfig(), estimator.air
+def build_air_config(estimator: Estimator, imu: Imu | None = None) -> _core.AirEkfConfig:
+    """Return the C++ struct with every value of `estimator` and `imu` for a body that flies."""
+    config, air, imu = _core.AirEkfConfig(), estimator.air, imu or Imu()
+    for name in ("sigma_turn_per_sqrt_s", "sigma_bias_radps", "sigma_velocity_per_sqrt_s",
+                 "sigma_bias_mps2"):  # fmt: skip
+        setattr(config.inertial, name, getattr(imu, name))
+    config.inertial.mount = np.radians(imu.mount_deg)
     _fill(config, estimator, leave=(*_OTHER_KINDS, "calibration", "adaptive", "heading"))
     _fill(config, air, leave=("motion", "start_height_m", "sigma_start_height_m", "sensor_up_m",
                                "sigma_elevation_rad"))  # fmt: skip
@@ -139,7 +145,7 @@ def build_recovering_config(
     elif config.estimator.filter == "tag_triangle":
         recovering.tracker = build_triangle_config(config.estimator)
     elif config.estimator.kind == "air":
-        recovering.tracker = build_air_config(config.estimator)
+        recovering.tracker = build_air_config(config.estimator, config.imu)
         recovering.start_height = config.estimator.air.start_height_m
         recovering.sigma_start_height = config.estimator.air.sigma_start_height_m
     recovering.start = build_start_config(config)
@@ -151,7 +157,7 @@ def build_recovering_config(
 def build_gyro_config(config: RunConfig) -> _core.GyroOdometryConfig:
     """Return the C++ struct with every value of ``imu``, and the wheels of ``estimator``."""
     gyro = _core.GyroOdometryConfig()
-    _fill(gyro, config.imu)
+    _fill(gyro, config.imu, leave=("sigma_velocity_per_sqrt_s", "sigma_bias_mps2", "mount_deg"))
     _fill(gyro.odometry, config.estimator.odometry)
     return gyro
 

@@ -410,10 +410,11 @@ class Air(Strict):
                        "sigma_start_climb_mps")  # fmt: skip
     renamed: ClassVar = {"gate_altitude": (0.999, "altitude.gate")}
 
-    motion: Literal["odometry", "constant_velocity"] = "constant_velocity"
-    """What moves the body: odometry in the plane, or constant velocity."""
+    motion: Literal["odometry", "constant_velocity", "inertial"] = "constant_velocity"
+    """What moves the body: odometry in the plane, constant velocity, or [an
+    IMU](air.md#an-inertial-sensor)."""
     constant_velocity: ConstantVelocity = Field(default_factory=ConstantVelocity)
-    """How the velocity changes; for `constant_velocity`."""
+    """How the velocity changes; for `constant_velocity`, and where samples of an IMU are missing."""
     sigma_height_per_sqrt_s: DriftSigma = struct.sigma_height_per_sqrt_s
     """Random walk of the height; for `odometry` [m/√s]."""
     start_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
@@ -452,9 +453,13 @@ class ScanOdometry(Strict):
 
 
 class Imu(Strict):
-    """Gyro and wheels together; ``GyroOdometryConfig`` in C++."""
+    """Gyro and wheels, or in space gyro and accelerometer.
+
+    ``GyroOdometryConfig`` and ``InertialConfig`` in C++.
+    """
 
     struct: ClassVar = _core.GyroOdometryConfig()
+    in_space: ClassVar = _core.InertialConfig()
     fixed: ClassVar = ("sigma_bias_radps_per_sqrt_s", "sigma_scale", "sigma_turn_scale")
 
     turn: Literal["weighted", "average"] = "weighted"
@@ -463,6 +468,12 @@ class Imu(Strict):
     """White noise of the gyro: heading error after a second [rad/√s]."""
     sigma_bias_radps: Positive = struct.sigma_bias_radps
     """Sigma of the gyro's bias at the start [rad/s]."""
+    sigma_velocity_per_sqrt_s: Positive = in_space.sigma_velocity_per_sqrt_s
+    """White noise of the accelerometer: velocity error after a second; in space [m/s/√s]."""
+    sigma_bias_mps2: Positive = in_space.sigma_bias_mps2
+    """Sigma of the accelerometer's bias at the start; in space [m/s²]."""
+    mount_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Roll, pitch and yaw of the sensor's axes in body; in space [deg]."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
 
@@ -577,8 +588,8 @@ def ignored_by(estimator: Estimator) -> dict[Message, str]:
     kind = estimator.filter
     why = {source: f"{kind} does not fuse {source}"
            for source in SOURCES if source not in FUSES[kind]}  # fmt: skip
-    if kind == "air" and estimator.air.motion == "constant_velocity":
-        why["odometry"] = "air.motion is constant_velocity, which takes no odometry"
+    if kind == "air" and estimator.air.motion != "odometry":
+        why["odometry"] = f"air.motion is {estimator.air.motion}, which takes no odometry"
     return why
 
 
@@ -938,6 +949,12 @@ class RunConfig(Strict):
     renamed: ClassVar = {"delays_s": ({}, "latency_s of the sensor, as estimator.range.latency_s")}
 
     @property
+    def is_inertial(self) -> bool:
+        """Whether an estimator in space takes the samples of an IMU itself."""
+        return (self.estimator.kind == "air" and self.estimator.air.motion == "inertial"
+                and self.mcl is None)  # fmt: skip
+
+    @property
     def latency_s(self) -> dict[Source, float]:
         """Constant latency of each source."""
         of = self.estimator
@@ -1097,6 +1114,9 @@ class RunConfig(Strict):
                 f"start is {self.start!r}, which finds no height; with estimator.kind 'air' set "
                 "start: [x, y, heading_deg] and estimator.air.start_height_m"
             )
+        if self.is_inertial and "imu" not in self.use:
+            raise ValueError("estimator.air.motion is 'inertial', but use leaves 'imu' out; "
+                             "add it, or set motion: constant_velocity")  # fmt: skip
         unused = [source for source in self.use
                   if source not in (*FUSES[self.estimator.filter], "imu")]  # fmt: skip
         if unused and [*self.use, "imu"] not in EVERYTHING and self.use not in EVERYTHING:

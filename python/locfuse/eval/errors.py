@@ -30,6 +30,9 @@ class Errors:
         Standard deviations of x, y, heading that the estimator claims.
     height : float64 array, shape (n,), or None
         Metres; None where truth or estimate has no height.
+    rotation : float64 array, shape (n, 3), or None
+        Rotation from estimate to truth [rad]: about the body's x and y axes, were it level, and the
+        vertical; None where truth or estimate has no orientation.
     nees : float64 array, shape (n,), or None
         Normalised estimation error squared, e' P^-1 e (Bar-Shalom, Li and Kirubarajan, 2001, eq.
         5.4.2-3), of `dof` components; None without covariance.
@@ -45,6 +48,7 @@ class Errors:
     nees: FloatArray | None
     dof: int
     height: FloatArray | None = None
+    rotation: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.row)
@@ -81,7 +85,13 @@ def interpolate(
     height = None
     if track.height is not None:
         height = track.height[before] + share * (track.height[after] - track.height[before])
-    return Trajectory(stamps, position, heading, height=height), inside
+    orientation = None
+    if track.orientation is not None:
+        one, other = track.orientation[before], track.orientation[after]
+        same = np.where(np.sum(one * other, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        mixed = one + share[:, np.newaxis] * (same * other - one)
+        orientation = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
+    return Trajectory(stamps, position, heading, height=height, orientation=orientation), inside
 
 
 def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
@@ -104,7 +114,27 @@ def errors_against(estimate: Trajectory, truth: Trajectory) -> Errors:
     height = None
     if at.height is not None and estimate.height is not None:
         height = estimate.height[inside] - at.height
-    return Errors(np.flatnonzero(inside), at.stamp_ns, position, heading, sigma, nees, dof, height)
+    rotation = None
+    if at.orientation is not None and estimate.orientation is not None:
+        assert estimate.heading is not None
+        rotation = _rotation_between(estimate.orientation[inside], at.orientation,
+                                     estimate.heading[inside])  # fmt: skip
+    return Errors(np.flatnonzero(inside), at.stamp_ns, position, heading, sigma, nees, dof, height,
+                  rotation)  # fmt: skip
+
+
+def _rotation_between(one: FloatArray, other: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return the rotations (n, 3) from some orientations to others, about axes at a heading."""
+    w, v = one[:, :1], -one[:, 1:]  # its inverse
+    u, t = other[:, :1], other[:, 1:]
+    real = u * w - np.sum(t * v, axis=1, keepdims=True)
+    axis = u * v + w * t + np.cross(t, v)
+    sine = np.linalg.norm(axis, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, np.abs(real)) * np.sign(real)
+    rotation = axis * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    c, s = np.cos(heading), np.sin(heading)
+    x, y, z = rotation.T
+    return np.column_stack([c * x + s * y, c * y - s * x, z])
 
 
 def _mahalanobis(error: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -64,6 +64,9 @@ def _accuracy(estimate: Trajectory, truth: Trajectory | None) -> dict[str, Any]:
         values["nees_in_band"] = share_in_band(errors.nees, errors.dof)
     if errors.height is not None:
         values["height_rmse_m"] = math.sqrt(float(np.mean(errors.height**2)))
+    if errors.rotation is not None:
+        for name, angle in zip(("roll", "pitch"), errors.rotation.T[:2], strict=True):
+            values[f"{name}_rmse_deg"] = math.degrees(math.sqrt(float(np.mean(angle**2))))
     values["truth"] = (
         f"Compared at {len(errors)} of {len(estimate)} stamps of the estimate; truth was "
         f"interpolated over gaps of up to {LONGEST_GAP_S:g} s and nothing was aligned."

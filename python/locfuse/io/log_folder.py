@@ -31,6 +31,7 @@ from locfuse.types import (
 GEOMETRY = ("beams", "angle_min_rad", "angle_increment_rad")  # of each scan, where they differ
 RATES = ("wx_radps", "wy_radps", "wz_radps")  # of an IMU, in its axes
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
+QUATERNION = ("qw", "qx", "qy", "qz")  # of a rotation from body to world
 GRAVITY_MPS2 = 9.81  # which they include
 _SEEN = ("stamp_s", "landmark", "range_m", "bearing_rad")
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
@@ -74,6 +75,7 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("stamp_s", "x_m", "y_m", "heading_rad"),
         ("stamp_s", "x_m", "y_m", "z_m"),
         ("stamp_s", "x_m", "y_m", "z_m", "heading_rad"),
+        ("stamp_s", "x_m", "y_m", "z_m", "heading_rad", *QUATERNION),
     ),
     "relations": (("begin_s", "end_s", "dx_m", "dy_m", "dheading_rad"),),
     "anchors": (("anchor", "x_m", "y_m", "z_m"),),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.io.csv_table import number_texts, stamp_texts, write_table
+from locfuse.io.log_folder import QUATERNION
 from locfuse.types import FloatArray, Health, MappedLandmarks, Outcomes, Trajectory, Watched
 
 
@@ -25,6 +26,11 @@ def write_estimate(path: Path, estimate: Trajectory, health: Health | None = Non
     if estimate.height is not None and estimate.height_variance is not None:
         header += ["z_m", "cov_z_z"]
         columns += [estimate.height, estimate.height_variance]
+    if estimate.orientation is not None and estimate.orientation_covariance is not None:
+        header += [*QUATERNION, "cov_tilt_x_x", "cov_tilt_x_y", "cov_tilt_y_y"]
+        covariance = estimate.orientation_covariance
+        columns += [*estimate.orientation.T, covariance[:, 0, 0], covariance[:, 0, 1],
+                    covariance[:, 1, 1]]  # fmt: skip
     texts = [stamp_texts(estimate.stamp_ns), *map(number_texts, columns)]
     if health is not None and len(health):
         last = np.searchsorted(health.stamp_ns, estimate.stamp_ns, side="right") - 1

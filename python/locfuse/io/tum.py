@@ -55,7 +55,8 @@ def write_tum(path: str | Path, trajectory: Trajectory, comment: str = "") -> No
     """Write a trajectory as a TUM file, for this library's evaluation and for others'.
 
     Stamps have 9 decimals and are exact; positions and quaternions read back as the same float64.
-    z is the height, 0 in the plane. Without a heading the quaternion is the identity: such a file
+    z is the height, 0 in the plane; the quaternion that of the heading, or of the attitude where
+    that is known. Without a heading the quaternion is the identity: such a file
     reads back with heading 0. Covariance is not part of the format. A `comment` of one line comes
     first, after ``#``.
 
@@ -67,9 +68,12 @@ def write_tum(path: str | Path, trajectory: Trajectory, comment: str = "") -> No
     for name, values in (("x", x), ("y", y), ("z", z), ("heading", half)):
         for row in np.flatnonzero(~np.isfinite(values))[:1]:
             raise ValueError(f"{name} of pose {row} is {values[row]}, expected a finite number")
-    columns = map(number_texts, (x, y, z, np.sin(half), np.cos(half)))
-    rows = zip(stamp_texts(trajectory.stamp_ns), *columns, strict=True)
-    is_flat = trajectory.height is None
-    lines = [f"{stamp} {px} {py} {0 if is_flat else pz} 0 0 {qz} {qw}\n"
-             for stamp, px, py, pz, qz, qw in rows]  # fmt: skip
+    stamps, is_flat = stamp_texts(trajectory.stamp_ns), trajectory.height is None
+    if trajectory.orientation is None:
+        columns = map(number_texts, (x, y, z, np.sin(half), np.cos(half)))
+        lines = [f"{stamp} {px} {py} {0 if is_flat else pz} 0 0 {qz} {qw}\n"
+                 for stamp, px, py, pz, qz, qw in zip(stamps, *columns, strict=True)]  # fmt: skip
+    else:
+        columns = map(number_texts, (x, y, z, *trajectory.orientation.T[[1, 2, 3, 0]]))
+        lines = [" ".join(row) + "\n" for row in zip(stamps, *columns, strict=True)]
     write_whole(path, "".join([*[f"# {comment}\n"] * bool(comment), *lines]))

@@ -33,7 +33,9 @@ class LivePose:
 
     `pose` is x [m], y [m] and heading [rad] in world, shape (3,); `covariance`, shape (3, 3), is of
     the same, position error in world. Of a body that flies `height` is over z = 0 [m],
-    `height_variance` in m^2.
+    `height_variance` in m^2. With an inertial sensor `orientation` is the unit quaternion
+    (w, x, y, z) from body to world, `orientation_covariance`, shape (3, 3), of its error, a rotation
+    about the axes of the world [rad^2].
     """
 
     stamp_ns: int
@@ -41,6 +43,8 @@ class LivePose:
     covariance: FloatArray
     height: float | None = None
     height_variance: float | None = None
+    orientation: FloatArray | None = None
+    orientation_covariance: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -245,6 +249,8 @@ class LiveRun:
 
     def _on_row(self, source: str, row: Row) -> _core.Verdict:
         if source == "imu":
+            if self.config.is_inertial:
+                return self._on_message(self.names.imu(row))
             if not uses_gyro(self.config):
                 return _core.Verdict.IGNORED
             if self._odometry is None:
@@ -527,5 +533,8 @@ def _pose(estimate: _core.PoseEstimate, in_space: _core.AirEstimate | None = Non
     pose = np.array([estimate.pose.x, estimate.pose.y, estimate.pose.heading])
     if in_space is None:
         return LivePose(estimate.stamp, pose, estimate.covariance)
+    attitude = in_space.attitude
     return LivePose(estimate.stamp, pose, estimate.covariance, in_space.height,
-                    float(in_space.covariance[3, 3]))  # fmt: skip
+                    float(in_space.covariance[3, 3]),
+                    None if attitude is None else attitude.quaternion,
+                    None if attitude is None else attitude.covariance)  # fmt: skip

@@ -29,6 +29,8 @@ def cards(result: RunResult) -> str:
         ("position_max_m", "m", "largest position error"),
         ("heading_rmse_deg", "deg", "heading RMSE"),
         ("height_rmse_m", "m", "height RMSE"),
+        ("roll_rmse_deg", "deg", "roll RMSE"),
+        ("pitch_rmse_deg", "deg", "pitch RMSE"),
     ):
         if metrics.get(key) is not None:
             shown.append(_card(_number(metrics[key], unit), text))

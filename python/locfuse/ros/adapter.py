@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from locfuse.config.ros import POSE, TYPES, plain, types_of
-from locfuse.config.schema import SOURCES, RunConfig, places_antennas
+from locfuse.config.schema import SOURCES, RunConfig, ignored_by, places_antennas
 from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import clouds, decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
@@ -624,8 +624,10 @@ class Adapter:
     def _look_for_silence(self, now_ns: int) -> None:
         if self._first_ns is None or now_ns - self._first_ns < SILENT_NS:
             return
+        moves = "imu" if self._config.is_inertial else "odometry"
+        is_used = moves == "imu" or moves not in ignored_by(self._config.estimator)
         for one in self.subscriptions:
-            if one.source == "odometry" and one.source not in self._received_ns:
+            if is_used and one.source == moves and one.source not in self._received_ns:
                 self._silent(one)
         measures = [s for s in self.subscriptions if s.source in (*SOURCES[1:], "scans")]
         if measures and not any(s.source in self._received_ns for s in measures):

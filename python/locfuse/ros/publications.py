@@ -149,8 +149,12 @@ class PublicationBuilder:
         height = None
         if pose.height is not None and pose.height_variance is not None:
             height = pose.height, pose.height_variance
+        attitude = None
+        if pose.orientation is not None and pose.orientation_covariance is not None:
+            attitude = pose.orientation, pose.orientation_covariance
         return encode.pose_with_covariance(topic, pose.stamp_ns, pose.pose.tolist(),
-                                           pose.covariance, self._map, latched, height)  # fmt: skip
+                                           pose.covariance, self._map, latched, height,
+                                           attitude)  # fmt: skip
 
     def fallback(self, pose: LivePose) -> list[Publication]:
         """Publish the safe choice between a watched pose and the estimate; later ones only."""

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.config.build import build_anchors
-from locfuse.config.schema import SOURCES, RunConfig
+from locfuse.config.schema import SOURCES, RunConfig, Source
+from locfuse.io.log_folder import FORCES, QUATERNION, RATES
 from locfuse.run.missing_inputs import how_to_add, where_named
 from locfuse.types import NANOSECONDS, Columns, Log, LogError, StampArray, Trajectory
 
@@ -51,15 +52,20 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     The first row of odometry increments is a motion from before the log: only its stamp is used.
     Raises LogError where nothing is left to fuse, or ranges come without anchors or tags.
     """
+    sources: tuple[Source, ...] = ("imu", *SOURCES) if config.is_inertial else SOURCES
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
         source: undelayed(source, log[source], config.latency_of_tables_s[source])
-        for source in SOURCES
+        for source in sources
         if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }
     if not tables:
         present = [s for s in SOURCES if s in log and len(log[s]["stamp_ns"]) > 0]
         raise LogError(f"nothing to fuse: the log has {present or 'no messages'}, "
                        f"the config uses {list(config.use)}")  # fmt: skip
+    if config.is_inertial and FORCES[0] not in tables.get("imu", {}):
+        what = "imu" if "imu" not in tables else f"{FORCES[0]} in imu"
+        raise LogError(f"estimator.air.motion is inertial, but the log has no {what}; "
+                       f"{how_to_add(log, 'imu')}, or set motion: constant_velocity")  # fmt: skip
     if config.estimator.kind != "air" and "elevation_rad" in tables.get("landmark_sightings", {}):
         raise LogError(NOT_IN_PLANE)
     _check_clocks(tables)
@@ -264,12 +270,21 @@ def _add(
         course = table.get("is_course")
         messages.add_headings(stamp, table["heading_rad"], table.get("sigma_rad"),
                               None if course is None else course != 0, arrival)  # fmt: skip
+    elif source == "imu":
+        add_samples(messages, table)
     else:
         pose = np.column_stack([table["x_m"], table["y_m"], table["heading_rad"]])
         sigma_xy, sigma_heading = table["sigma_xy_m"], table["sigma_heading_rad"]
         messages.add_poses(stamp, pose, sigma_xy, sigma_heading, arrival)
     arrived = effective if arrival is None else arrival
     return {"stamp": stamp, "effective": effective, "arrival": arrived}
+
+
+def add_samples(messages: _core.MessageLog, table: Mapping[str, NDArray[Any]]) -> None:
+    """Add samples of an IMU, which may have no forces."""
+    rates = np.column_stack([table[name] for name in RATES])
+    forces = np.column_stack([table[name] for name in FORCES]) if FORCES[0] in table else None
+    messages.add_samples(table["stamp_ns"], rates, forces, table.get("arrival_ns"))
 
 
 def add_odometry(messages: _core.MessageLog, table: Mapping[str, NDArray[Any]]) -> None:
@@ -365,4 +380,7 @@ def truth_of(log: Log) -> Trajectory | None:
         np.column_stack([table["x_m"], table["y_m"]]).astype(float),
         heading,
         height=table.get("z_m"),
+        orientation=np.column_stack([table[name] for name in QUATERNION])
+        if QUATERNION[0] in table
+        else None,
     )

@@ -15,6 +15,7 @@ _HOW = {
         "landmarks": "add landmarks.csv",
         "map": "add 'map: FILE.yaml' to log.yaml",
         "scans": "add scans.csv, and 'laser' to log.yaml",
+        "imu": "add imu.csv, with forces",
     },
     "bag": {
         "ranges": "record ranges, whose topic ros.topics.ranges names",
@@ -25,6 +26,7 @@ _HOW = {
         "map": f"record ros.topics.map, or add 'map: FILE.yaml' to log.yaml in {_FOLDER}",
         "scans": "record scans, whose topic ros.topics.scans names, and tf_static, or add 'laser' "
                  f"to log.yaml in {_FOLDER}",
+        "imu": "record an IMU with an accelerometer, whose topic ros.topics.imu names",
     },
     "simulation": {
         "ranges": "add simulation.ranges",
@@ -33,6 +35,7 @@ _HOW = {
         "landmarks": "add simulation.landmarks",
         "map": "add simulation.map",
         "scans": "add simulation.laser",
+        "imu": "add simulation.imu",
     },
 }  # fmt: skip
 _FILES = {"anchors": "anchors.csv", "tags": "log.yaml", "landmarks": "landmarks.csv"}

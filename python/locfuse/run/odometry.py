@@ -11,8 +11,7 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_estimator_config, build_gyro_config
 from locfuse.config.schema import RunConfig
-from locfuse.io.log_folder import FORCES, RATES
-from locfuse.run.messages import add_odometry, undelayed
+from locfuse.run.messages import add_odometry, add_samples, undelayed
 from locfuse.run.missing_inputs import how_to_add
 from locfuse.run.start import scans_of
 from locfuse.types import NANOSECONDS, Columns, Log, LogError
@@ -21,8 +20,8 @@ _logger = logging.getLogger(__name__)
 
 
 def uses_gyro(config: RunConfig) -> bool:
-    """Return whether a run takes the samples of an IMU, where there are any."""
-    return "imu" in config.use and "odometry" in config.use
+    """Return whether odometry takes the samples of an IMU, where there are any."""
+    return "imu" in config.use and "odometry" in config.use and not config.is_inertial
 
 
 def odometry_timeline(config: RunConfig, gyro: bool) -> _core.OdometryTimeline:
@@ -58,7 +57,8 @@ def with_odometry(log: Log, config: RunConfig, *, gyro: bool = True) -> Log:
     messages = _core.MessageLog()
     try:
         if gyro:
-            _add_samples(messages, log["imu"], config.latency_s["imu"])
+            table = undelayed("imu", log["imu"], config.latency_s["imu"])
+            add_samples(messages, {"arrival_ns": log["imu"]["stamp_ns"], **table})
         if wheels is not None:
             table = undelayed("odometry", wheels, config.latency_s["odometry"])
             arrival = wheels.get("arrival_ns", wheels["stamp_ns"])
@@ -103,14 +103,6 @@ def as_recorded(log: Log, history_s: float) -> Log:
         return log
     tables["odometry"] = wheels or _without_replaced(odometry, round(history_s * NANOSECONDS))
     return replace(log, tables=tables)
-
-
-def _add_samples(messages: _core.MessageLog, imu: Columns, late_s: float) -> None:
-    """Add the samples of an IMU at the stamps at which they were taken."""
-    rates = np.column_stack([imu[name] for name in RATES])
-    forces = np.column_stack([imu[name] for name in FORCES]) if FORCES[0] in imu else None
-    arrived = imu.get("arrival_ns", imu["stamp_ns"])
-    messages.add_samples(imu["stamp_ns"] - round(late_s * NANOSECONDS), rates, forces, arrived)
 
 
 def _table_of(made: _core.MadeOdometry, is_timed: bool) -> Columns:

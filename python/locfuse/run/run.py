@@ -249,6 +249,9 @@ def _fused(
     if len(record.heights):
         estimate = replace(estimate, height=record.heights,
                            height_variance=record.covariances_in_space[:, 3, 3].copy())  # fmt: skip
+    if len(record.orientations):
+        estimate = replace(estimate, orientation=record.orientations,
+                           orientation_covariance=record.orientation_covariances)  # fmt: skip
     outcomes = outcomes_of(messages, record, log, config)
     if localization is not None:
         outcomes = with_scans(outcomes, localization, log, config)

@@ -91,7 +91,7 @@ def simulate(scenario: Scenario, rng: np.random.Generator, base: Path | None = N
         "headings": lambda t, sensor: sensors.headings(
             drive, t, sensor, scenario.positions, for_headings
         ),
-        "imu": lambda t, sensor: sensors.imu(driven, t, sensor, for_imu),
+        "imu": lambda t, sensor: sensors.imu(driven, t, sensor, for_imu, flight),
     }
     named = {name: getattr(scenario, name) for name in makers}
     epochs = {name: sensors.stamps(sensor.rate_hz, scenario.duration_s)

@@ -293,8 +293,17 @@ def headings(
     return {**table, "is_course": np.ones(len(true))} if is_course else table
 
 
-def imu(drive: Drive, stamp_ns: StampArray, sensor: ImuSensor, rng: np.random.Generator) -> Columns:
-    """Return rates and forces in the axes of the sensor, from the poses half a sample around."""
+def imu(
+    drive: Drive,
+    stamp_ns: StampArray,
+    sensor: ImuSensor,
+    rng: np.random.Generator,
+    flight: Flight | None = None,
+) -> Columns:
+    """Return rates and forces in the axes of the sensor, from the poses half a sample around.
+
+    A body that flies stays level.
+    """
     step = 1.0 / sensor.rate_hz
     t = seconds(stamp_ns)
     ahead, here, behind = (drive.pose_at(np.maximum(t + k * step, t[0])) for k in (0.5, 0.0, -0.5))
@@ -307,6 +316,9 @@ def imu(drive: Drive, stamp_ns: StampArray, sensor: ImuSensor, rng: np.random.Ge
     force[:, 0] = c * acceleration[:, 0] + s * acceleration[:, 1]
     force[:, 1] = c * acceleration[:, 1] - s * acceleration[:, 0]
     force[:, 2] = GRAVITY_MPS2
+    if flight is not None:
+        turns_per_s = 2.0 * np.pi / flight.period_s
+        force[:, 2] -= turns_per_s**2 * (heights(flight, stamp_ns) - flight.height_m)
     walk = sensor.bias_walk_radps_per_sqrt_s * np.sqrt(step) * rng.standard_normal(rate.shape)
     white = sensor.sigma_rate_radps_per_sqrt_hz * np.sqrt(sensor.rate_hz)
     rate = rate @ _turned(sensor.mount_deg) + sensor.bias_radps + np.cumsum(walk, axis=0)

@@ -422,6 +422,7 @@ KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] =
         **{name: f"air.{name}" for name in ("motion", "constant_velocity", "min_height_m",
                                             "max_height_m", "sigma_height_per_sqrt_s")},
         "landmark_in_space": "air.sensor_up_m",
+        "inertial": "",  # of the section imu
         "altitude": "air.altitude",
     }),
 }  # fmt: skip

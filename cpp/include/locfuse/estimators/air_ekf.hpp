@@ -112,7 +112,8 @@ class AirEkf {
   Outcome on(const Altitude& z);
   Outcome on(const Heading& z);
   Outcome on(const PoseObservation& z);
-  /// Holds until the next one, or for 0.1 s. Ignored unless inertial; kNotModelled without a force.
+  /// Holds until the next one, or for 0.1 s. Ignored unless inertial; kNotModelled without a force, or
+  /// with one of 0, as of a sensor without an accelerometer.
   Outcome on(const Imu& z);
   static constexpr bool kTakesImu = true;
   /// Of a landmark that it names, at its height; kNotModelled without a name.

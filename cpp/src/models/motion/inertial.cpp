@@ -11,7 +11,7 @@
 namespace locfuse {
 namespace {
 
-/// How long the error of the gyro's scale and axes acts the same way: a turn, and back [s].
+/// How long the error of the gyro's scale acts the same way: a turn, and back [s].
 constexpr double kTurnLasts = 1.0;
 
 }  // namespace
@@ -64,14 +64,16 @@ InertialMotion::Step InertialMotion::propagate(const State& state, const Vector<
 
   const double white = config_.sigma_velocity_per_sqrt_s * config_.sigma_velocity_per_sqrt_s;
   const double scale = config_.sigma_scale * config_.sigma_scale;
-  const double angular = config_.sigma_turn_per_sqrt_s * config_.sigma_turn_per_sqrt_s +
-                         scale * kTurnLasts * rate.squaredNorm();
+  const double angular = config_.sigma_turn_per_sqrt_s * config_.sigma_turn_per_sqrt_s;
   Matrix<kVariables, kVariables>& Q = step.noise;
   Q(kPosition, kPosition).diagonal().setConstant(white * T * T * T / 3.0);
   Q(kPosition, kVelocity).diagonal().setConstant(white * T * T / 2.0);
   Q(kVelocity, kPosition).diagonal().setConstant(white * T * T / 2.0);
   Q(kVelocity, kVelocity).diagonal().setConstant(white * T);
-  Q(kRotation, kRotation).diagonal().setConstant(angular * T);
+  // An error of the gyro's scale turns about the axis of the turn.
+  const Vector<3> about = middle * rate;
+  Q(kRotation, kRotation) = scale * kTurnLasts * T * about * about.transpose();
+  Q(kRotation, kRotation).diagonal().array() += angular * T;
   Q(kRateBias, kRateBias)
       .diagonal()
       .setConstant(config_.sigma_bias_radps_per_sqrt_s * config_.sigma_bias_radps_per_sqrt_s * T);

@@ -133,6 +133,8 @@ class _BagStreams:
                 none if track.covariance is None else track.covariance,
                 None if track.height is None or track.height_variance is None
                 else zip(track.height.tolist(), track.height_variance.tolist(), strict=True),
+                None if track.orientation is None or track.orientation_covariance is None
+                else zip(track.orientation, track.orientation_covariance, strict=True),
             )  # fmt: skip
         in_odom = self._in_odom(track.stamp_ns)
         moved = np.array(list(map(encode.map_to_odom, poses.tolist(), in_odom))).reshape(-1, 3)

@@ -105,11 +105,14 @@ def pose_with_covariance(
     frame: str,
     latched: bool = False,
     height: tuple[float, float] | None = None,
+    attitude: tuple[FloatArray, FloatArray] | None = None,
 ) -> Publication:
     """Return a geometry_msgs/PoseWithCovarianceStamped.
 
     `pose` is (x, y, heading) in `frame`, metres and radians; `covariance` has shape (3, 3). It is
-    `latched` as the start of an AMCL. `height` is z [m] and its variance, 0 in the plane.
+    `latched` as the start of an AMCL. `height` is z [m] and its variance, 0 in the plane;
+    `attitude` the unit quaternion (w, x, y, z), and the covariance (3, 3) of its error, about the
+    axes of `frame` [rad^2], of a body that is not level.
 
     Examples
     --------
@@ -120,11 +123,11 @@ def pose_with_covariance(
     full = planar_covariance(covariance)
     if height is not None:
         full[14] = height[1]
-    fields = {
-        "header": header(stamp_ns, frame),
-        "pose": {"pose": _pose(pose[0], pose[1], pose[2], 0.0 if height is None else height[0]),
-                 "covariance": full},
-    }  # fmt: skip
+    at = _pose(pose[0], pose[1], pose[2], 0.0 if height is None else height[0])
+    if attitude is not None:
+        at["orientation"] = dict(zip("wxyz", map(float, attitude[0]), strict=True))
+        full.reshape(6, 6)[3:, 3:] = attitude[1]
+    fields = {"header": header(stamp_ns, frame), "pose": {"pose": at, "covariance": full}}
     return Publication(topic, "geometry_msgs/PoseWithCovarianceStamped", fields, latched)
 
 

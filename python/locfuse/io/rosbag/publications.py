@@ -267,13 +267,20 @@ class LogPublications:
 def with_covariance(
     topic: str, frame: str, times: NDArray[np.int64], stamps: NDArray[np.int64], poses: FloatArray,
     covariances: FloatArray, heights: Iterable[tuple[float, float]] | None = None,
+    attitudes: Iterable[tuple[FloatArray, FloatArray]] | None = None,
 ) -> Stream:  # fmt: skip
-    """Return poses (n, 3) in `frame` with covariances (n, 3, 3), heights with variances if any."""
+    """Return poses (n, 3) in `frame` with covariances (n, 3, 3).
+
+    Heights come with variances, attitudes as unit quaternions (w, x, y, z) with covariances (3, 3),
+    if any.
+    """
     flat = repeat(None, len(stamps)) if heights is None else heights
-    rows = zip(stamps.tolist(), poses.tolist(), covariances, flat, strict=True)
+    level = repeat(None, len(stamps)) if attitudes is None else attitudes
+    rows = zip(stamps.tolist(), poses.tolist(), covariances, flat, level, strict=True)
     return Stream(times, (
-        encode.pose_with_covariance(topic, stamp, pose, covariance, frame, height=height)
-        for stamp, pose, covariance, height in rows
+        encode.pose_with_covariance(topic, stamp, pose, covariance, frame, height=height,
+                                    attitude=attitude)
+        for stamp, pose, covariance, height, attitude in rows
     ))  # fmt: skip
 
 

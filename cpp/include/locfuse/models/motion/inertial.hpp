@@ -21,7 +21,7 @@ class InertialMotion {
     double sigma_bias_mps2 = 0.2;               ///< of each axis of the accelerometer [m/s^2]
     double sigma_bias_radps_per_sqrt_s = 1e-4;  ///< random walk of the gyro's bias
     double sigma_bias_mps2_per_sqrt_s = 1e-3;   ///< of the accelerometer's
-    double sigma_scale = 0.01;                  ///< of the gyro's scale and its axes
+    double sigma_scale = 0.01;                  ///< of the gyro's scale
     /// Attitude of the sensor's axes in the body: by roll, then pitch, then yaw [rad].
     Vector<3> mount = Vector<3>::Zero();
   };
