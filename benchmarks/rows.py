@@ -38,7 +38,7 @@ def all_rows(m: Measured) -> list[Row]:
     """Return every row; those of missing peers say so."""
     return [*filter_rows(m), *evaluation_rows(m), *range_rows(m), *scan_rows(m), *map_rows(m),
             *cylinder_rows(m), *particle_rows(m), *landmark_rows(m), *tag_rows(m),
-            *lap_rows(m), *live_rows(m), *bag_rows(m)]  # fmt: skip
+            *inertial_rows(m), *lap_rows(m), *live_rows(m), *bag_rows(m)]  # fmt: skip
 
 
 def filter_rows(m: Measured) -> Iterator[Row]:
@@ -99,6 +99,13 @@ def tag_rows(m: Measured) -> Iterator[Row]:
     yield _at_most("three tags, a step of 15 rows: TagTriangleEkf::on / Eigen by hand",
                    m["tags_ekf_of_the_paper"], by_hand, 3.0)  # fmt: skip
     yield _at_most("- with the Jacobian of the heading", m["tags_ekf"], by_hand, 3.0)
+
+
+def inertial_rows(m: Measured) -> Iterator[Row]:
+    """Compare a prediction and five ranges on fifteen states with hand-written Eigen."""
+    ours, by_hand = m["inertial_ekf"], m["inertial_fixed_size_eigen"]
+    yield _at_most("an inertial body, a step: AirEkf::on / Eigen by hand", ours, by_hand, 1.3)
+    yield _at_most("- errors correlated / independent", m["inertial_ekf_correlated"], ours, 2.0)
 
 
 def lap_rows(m: Measured) -> Iterator[Row]:

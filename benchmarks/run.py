@@ -37,7 +37,7 @@ def main(programs: Path) -> int:
     with Progress(TextColumn("{task.description}"), console=Console(stderr=True)) as progress:
         task = progress.add_task("")
         for name in ("pose_ekf", "multilateration", "scan_matcher", "maps", "mcl", "cylinders",
-                     "landmarks", "tags"):  # fmt: skip
+                     "landmarks", "tags", "inertial"):  # fmt: skip
             progress.update(task, description=f"running bench_{name}, minutes")
             context = run_cpp(measured, programs / f"bench_{name}") | context
         progress.update(task, description="running the portable kernels and counting allocations")

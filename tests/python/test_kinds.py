@@ -14,7 +14,7 @@ import pytest
 
 from locfuse.check import check
 from locfuse.config.load import load_config, parse_config
-from locfuse.config.schema import FUSES, SOURCES, Kind, RunConfig
+from locfuse.config.schema import FUSES, SOURCES, RunConfig
 from locfuse.eval.errors import errors_against, interpolate
 from locfuse.io.log_folder import read_log, read_log_file, write_log
 from locfuse.io.rosbag.bag_reader import read_bag
@@ -211,8 +211,8 @@ def test_check_sweep_and_capsule(kind: str) -> None:
     config, log = driven(kind)
     assert not [f for f in check(config, log).findings if f.severity == "error"]
     assert replay_capsule(make_capsule(config, log)) == []
-    trials = run_trials(parse_config(world_of_kind(kind)), 2, {"estimator.position.gate": [0.99, 0.999]},
-                        workers=1)  # fmt: skip
+    varied = {"estimator.position.gate": [0.99, 0.999]}
+    trials = run_trials(parse_config(world_of_kind(kind)), 2, varied, workers=1)
     assert len(trials) == 2
 
 

@@ -27,12 +27,73 @@ struct CorrelationTuning {
 constexpr double kKept = 1.0 - 1.0 / CorrelationTuning::kMemory;
 
 constexpr int kMaxJoint = 32;  // rows of one measurement
+constexpr int kInertial = 15;  // variables of an inertial body
 using Small =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMaxJoint, kMaxJoint>;
 using SmallColumn = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMaxJoint, 1>;
 
-/// Of a belief of a pose in the plane: sizes that the compiler knows take half the time.
-bool is_whole_pose(const int* rows) { return rows[0] == 0 && rows[1] == 1 && rows[2] == 2; }
+/// Whether these are the rows of all `size` variables: sizes that the compiler knows take half the
+/// time, of a pose in the plane and of an inertial body.
+bool are_whole(const int* rows, Index size) {
+  for (Index i = 0; i < size; ++i) {
+    if (rows[i] != i) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// All columns, D first, of N variables that move by F.
+template <int N>
+void move_whole(const Eigen::Ref<const MatrixXd>& jacobian, double* memory, Index columns) {
+  using Whole = Eigen::Matrix<double, N, N>;
+  const Whole F = jacobian;
+  Eigen::Map<Eigen::Matrix<double, N, Eigen::Dynamic>> all(memory, N, columns);
+  for (Index column = 0; column < columns; ++column) {
+    all.col(column) = (F * all.col(column)).eval();
+  }
+  Eigen::Map<Whole> D(memory);
+  D = (D * F.transpose()).eval();
+}
+
+/// (I - K H) from the left of all of N variables, for a measurement of one row, and from the right
+/// of D.
+template <int N>
+void contract_whole(const double* gain, const double* transposed, double* memory, Index columns) {
+  const Eigen::Map<const Eigen::Matrix<double, N, 1>> K(gain);
+  const Eigen::Map<const Eigen::Matrix<double, N, 1>> seen(transposed);
+  Eigen::Map<Eigen::Matrix<double, N, Eigen::Dynamic>> all(memory, N, columns);
+  for (Index column = 0; column < columns; ++column) {
+    all.col(column) -= K * seen.dot(all.col(column));
+  }
+  Eigen::Map<Eigen::Matrix<double, N, N>> D(memory);
+  const Eigen::Matrix<double, N, 1> right = D * seen;
+  D.noalias() -= right * K.transpose();
+}
+
+/// Of the errors of one row, whose sigma is the last.
+struct Parts {
+  double factor;
+  double own;
+  double common;
+  double sigma;
+};
+
+/// What the error of a measurement of one row adds to D of N variables and to its own columns.
+template <int N>
+void add_to(const double* gain, const Parts& parts, double* memory, double* own_column,
+            double* common_column) {
+  using Column = Eigen::Matrix<double, N, 1>;
+  Eigen::Map<Eigen::Matrix<double, N, N>> D(memory);
+  Eigen::Map<Column> own(own_column);
+  Eigen::Map<Column> all(common_column);
+  const Column moved = Eigen::Map<const Column>(gain) * parts.sigma;
+  const Eigen::Matrix<double, N, N> both =
+      (parts.own * own + parts.common * all) * moved.transpose();
+  D += ((parts.factor - 1.0) * moved) * moved.transpose() - (both + both.transpose());
+  own -= parts.own * moved;
+  all -= parts.common * moved;
+}
 
 /// L of L L' = R, empty unless that is positive definite. One row, as of a range, is a square root.
 Small root_of(const Eigen::Ref<const MatrixXd>& R) {
@@ -86,17 +147,15 @@ void CorrelatedErrors::move(const Eigen::Ref<const MatrixXd>& jacobian, const in
   }
   const Index moving = jacobian.rows();
   const Index all = jacobian.cols();
-  if (variables_ == 3 && moving == 3 && all == 3 && is_whole_pose(rows)) {
-    const Eigen::Matrix3d F = jacobian;
-    Eigen::Map<Eigen::Matrix3Xd> whole(memory_.data(), 3, used());
-    for (Index column = 0; column < used(); ++column) {
-      whole.col(column) = F * whole.col(column);
+  if (moving == variables_ && all == variables_ && are_whole(rows, all)) {
+    if (variables_ == 3) {
+      return move_whole<3>(jacobian, memory_.data(), used());
     }
-    Eigen::Map<Eigen::Matrix3d> D(memory_.data());
-    D = D * F.transpose();
-    return;
+    if (variables_ == kInertial) {
+      return move_whole<kInertial>(jacobian, memory_.data(), used());
+    }
   }
-  constexpr Index kFew = 15;  // of an inertial body: no heap up to there
+  constexpr Index kFew = 15;  // no heap up to there
   std::array<double, kFew> few;
   std::vector<double> many(all > kFew ? static_cast<std::size_t>(all) : 0);
   double* before = many.empty() ? few.data() : many.data();
@@ -173,17 +232,14 @@ void CorrelatedErrors::contract(const Fused& fused) {
   const Index size = fused.gain.rows();
   const Index m = fused.gain.cols();
   const Index parts = fused.transposed.rows();
-  if (m == 1 && size == 3 && parts == 3 && is_whole_pose(fused.rows)) {
-    const Eigen::Map<const Eigen::Vector3d> gain(fused.gain.data());
-    const Eigen::Map<const Eigen::Vector3d> seen(fused.transposed.data());
-    Eigen::Map<Eigen::Matrix3Xd> all(memory_.data(), 3, used());
-    for (Index column = 0; column < used(); ++column) {
-      all.col(column) -= gain * seen.dot(all.col(column));
+  if (m == 1 && parts == size && are_whole(fused.rows, size)) {
+    const double* gain = fused.gain.data();
+    if (size == 3) {
+      return contract_whole<3>(gain, fused.transposed.data(), memory_.data(), used());
     }
-    Eigen::Map<Eigen::Matrix3d> D(memory_.data());
-    const Eigen::Vector3d right = D * seen;
-    D.noalias() -= right * gain.transpose();
-    return;
+    if (size == kInertial) {
+      return contract_whole<kInertial>(gain, fused.transposed.data(), memory_.data(), used());
+    }
   }
   std::array<double, kMaxJoint> few;
   std::vector<double> many(m > kMaxJoint ? static_cast<std::size_t>(m) : 0);
@@ -223,15 +279,12 @@ void CorrelatedErrors::add(const Fused& fused, const Columns* columns) {
   }
   const double of_own = std::sqrt((share - common) * factor);
   const double of_common = std::sqrt(common * factor);
-  if (m == 1 && size == 3) {
-    Eigen::Map<Eigen::Matrix3d> D(memory_.data());
-    Eigen::Map<Eigen::Vector3d> own(memory_.data() + 3 * (3 + columns[0].own));
-    Eigen::Map<Eigen::Vector3d> all(memory_.data() + 3 * (3 + columns[0].common));
-    const Eigen::Vector3d moved = Eigen::Map<const Eigen::Vector3d>(fused.gain.data()) * L(0, 0);
-    const Eigen::Matrix3d both = (of_own * own + of_common * all) * moved.transpose();
-    D += ((factor - 1.0) * moved) * moved.transpose() - (both + both.transpose());
-    own -= of_own * moved;
-    all -= of_common * moved;
+  if (m == 1 && (size == 3 || size == kInertial)) {
+    double* own = memory_.data() + size * (size + columns[0].own);
+    double* all = memory_.data() + size * (size + columns[0].common);
+    const Parts parts{factor, of_own, of_common, L(0, 0)};
+    size == 3 ? add_to<3>(fused.gain.data(), parts, memory_.data(), own, all)
+              : add_to<kInertial>(fused.gain.data(), parts, memory_.data(), own, all);
     learn(fused, columns);
     return;
   }

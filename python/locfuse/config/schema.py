@@ -414,7 +414,7 @@ class Air(Strict):
     """What moves the body: odometry in the plane, constant velocity, or [an
     IMU](air.md#an-inertial-sensor)."""
     constant_velocity: ConstantVelocity = Field(default_factory=ConstantVelocity)
-    """How the velocity changes; for `constant_velocity`, and where samples of an IMU are missing."""
+    """How the velocity changes; for `constant_velocity`, and while an IMU is silent."""
     sigma_height_per_sqrt_s: DriftSigma = struct.sigma_height_per_sqrt_s
     """Random walk of the height; for `odometry` [m/√s]."""
     start_height_m: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0

@@ -34,8 +34,8 @@ class LivePose:
     `pose` is x [m], y [m] and heading [rad] in world, shape (3,); `covariance`, shape (3, 3), is of
     the same, position error in world. Of a body that flies `height` is over z = 0 [m],
     `height_variance` in m^2. With an inertial sensor `orientation` is the unit quaternion
-    (w, x, y, z) from body to world, `orientation_covariance`, shape (3, 3), of its error, a rotation
-    about the axes of the world [rad^2].
+    (w, x, y, z) from body to world, `orientation_covariance`, shape (3, 3), of its error, a
+    rotation about the axes of the world [rad^2].
     """
 
     stamp_ns: int

@@ -92,7 +92,7 @@ CHOICES = (
     Choice("tag_triangle", "three tags",
            "Positions and velocities of three tags: odometry, ranges and positions of tags.",
            _of_kind("tag_triangle")),
-    Choice("air", "in the air", "Position, heading and height of a body that flies level.",
+    Choice("air", "in the air", "Position, heading and height of a body that flies.",
            _of_kind("air")),
     Choice("landmark_slam", "mapping",
            "Landmarks are mapped while it localizes on them; none is known before.",
