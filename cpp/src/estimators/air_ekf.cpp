@@ -44,6 +44,30 @@ struct AirTuning {
   static constexpr Stamp kHoldsSample = 100'000'000;
   /// Forces of a sensor that may be right [m/s^2].
   static constexpr double kMaxForce = 1e3;
+  /// Differences of two samples that only the next one may confirm.
+  static constexpr double kLeapOfForce = 100.0;  ///< [m/s^2]
+  static constexpr double kLeapOfRate = 10.0;    ///< [rad/s]
+  /// Samples that are the same, after which they are those of a sensor that hangs if it moves.
+  static constexpr int kFrozen = 10;
+  static constexpr double kFrozenRate = 0.05;  ///< [rad/s]
+  static constexpr double kFrozenForce = 0.5;  ///< off gravity's [m/s^2]
+  /// Silence after which nobody knows the attitude any more [ns].
+  static constexpr Stamp kForgets = 1'000'000'000;
+  /// Time over which samples are watched [s].
+  static constexpr double kWatched = 1.0;
+  /// Times the power of noise that shows in differences: they miss some of it, and vary.
+  static constexpr double kNoiseOverDifferences = 2.0;
+  /// A body stands still that shakes less than this beyond noise, whose noise is less than that.
+  static constexpr double kStillPush = 0.05;   ///< [m/s^2]
+  static constexpr double kStillRate = 0.003;  ///< [rad/s]
+  static constexpr double kCalmPush = 0.3;     ///< [m/s^2]
+  static constexpr double kCalmRate = 0.05;    ///< [rad/s]
+  /// Sigma of its rate then, once a second [rad/s]; no bias is known better than by a part of it.
+  static constexpr double kSigmaStill = 0.005;
+  static constexpr double kLeastBias = 0.001;
+  static constexpr double kStillGate = 0.999;
+  /// Mean rate of a second from which on a body turns [rad/s].
+  static constexpr double kTurning = 0.1;
   /// Forces by which a body knows which way is up, over gravity's.
   static constexpr double kLeastUp = 0.5;
   static constexpr double kMostUp = 1.5;
@@ -206,7 +230,8 @@ AirEkf::AirEkf(const Config& config, const World& world, const AirEstimate& star
       height_(add_height(belief_, body_, start)),
       place_{body_, height_},
       moving_(place_),
-      odometry_(start.stamp) {
+      odometry_(start.stamp),
+      arm_heading_(belief_.x(2)) {
   check_stamp(start.stamp);
   validate(config.limits);
   const double velocity =
@@ -274,6 +299,14 @@ void AirEkf::turn_to(const Matrix<3, 3>& attitude) {
   belief_.x(2) = wrap_angle(heading);
 }
 
+/// The heading is that of the x axis, eq. (8) of docs/air.md.
+Matrix<1, 3> AirEkf::heading_by_rotation() const {
+  const Vector<3> ahead = attitude().col(0);
+  const double level =
+      std::max(ahead.head<2>().squaredNorm(), AirTuning::kLeastLevel * AirTuning::kLeastLevel);
+  return {-ahead.z() * ahead.x() / level, -ahead.z() * ahead.y() / level, 1.0};
+}
+
 /// The attitude takes up the mean of its error, which is 0 then.
 void AirEkf::take_up_tilt() {
   const int tilt = InertialMotion::kRotation[0];
@@ -282,15 +315,123 @@ void AirEkf::take_up_tilt() {
   belief_.x(tilt) = belief_.x(tilt + 1) = 0.0;
 }
 
-/// Of a body that has not been told which way is up before: gravity's support is.
-void AirEkf::look_up(const Vector<3>& force) {
+/// Which way is up, of a body of which nobody knows: where gravity's support points.
+bool AirEkf::look_up(const Vector<3>& force) {
   const double share = force.norm() / InertialMotion::kGravity;
   if (!(share > AirTuning::kLeastUp && share < AirTuning::kMostUp)) {
-    return;
+    return false;
   }
   const Matrix<3, 3> up = rotation_up(force);
   upright_ = orthonormal(rotation_by({0.0, 0.0, -yaw_of(up)}) * up);
+  Eigen::MatrixXd P = belief_.P;
+  for (const int row : {InertialMotion::kRotation[0], InertialMotion::kRotation[1]}) {
+    P.row(row).setZero();
+    P.col(row).setZero();
+    P(row, row) = AirTuning::kSigmaTilt * AirTuning::kSigmaTilt;
+  }
+  belief_.P = P;
   has_up_ = true;
+  return true;
+}
+
+/// After a silence the next force shows again which way is up.
+void AirEkf::forget_attitude() {
+  has_up_ = false;
+  sample_.reset();
+  shaking_ = {};
+}
+
+/// Why a sample says nothing of the motion of the body.
+std::optional<Reason> AirEkf::distrusted(const Sample& now) {
+  const bool repeats = received_ && now.rate == received_->rate && now.force == received_->force;
+  repeated_ = repeats ? repeated_ + 1 : 0;
+  received_ = now;
+  const double beside_gravity = std::abs(now.force.norm() - InertialMotion::kGravity);
+  const bool may_rest =
+      now.rate.norm() < AirTuning::kFrozenRate && beside_gravity < AirTuning::kFrozenForce;
+  if (repeated_ >= AirTuning::kFrozen && !may_rest) {
+    return Reason::kFrozen;
+  }
+  const bool leaps = sample_ && ((now.rate - sample_->rate).norm() > AirTuning::kLeapOfRate ||
+                                 (now.force - sample_->force).norm() > AirTuning::kLeapOfForce);
+  has_leapt_ = leaps && !has_leapt_;
+  return has_leapt_ ? std::optional(Reason::kJumped) : std::nullopt;
+}
+
+/// Sees how much of what the sensor measures is noise, as neighbours do not have it in common.
+void AirEkf::watch(const Sample& now) {
+  const Vector<3> bias = belief_.x(InertialMotion::kForceBias);
+  const Vector<3> pushed = attitude() * (now.force - bias);
+  const Vector<2> push = pushed.head<2>();
+  if (!sample_ || shaking_.seconds == 0.0) {
+    shaking_ = {};
+    shaking_.push = push;
+    shaking_.rate = now.rate;
+    shaking_.seconds = 1e-9;
+    return;
+  }
+  const double seconds = seconds_between(sample_->stamp, now.stamp);
+  shaking_.seconds = std::min(shaking_.seconds + seconds, AirTuning::kWatched);
+  const double news = std::min(seconds / shaking_.seconds, 1.0);
+  const auto follow = [news](double& mean, double value) { mean += news * (value - mean); };
+  follow(shaking_.pushes, push.squaredNorm());
+  shaking_.mean += news * (push - shaking_.mean);
+  follow(shaking_.noise, 0.5 * (push - shaking_.push).squaredNorm());
+  follow(shaking_.rate_noise, 0.5 * (now.rate - sample_->rate).squaredNorm());
+  shaking_.rate += news * (now.rate - shaking_.rate);
+  follow(shaking_.rates, (now.rate - shaking_.rate).squaredNorm());
+  shaking_.push = push;
+  const Vector<3> turning = shaking_.rate - belief_.x(InertialMotion::kRateBias);
+  if (heading_share() > 0.0 || turning.norm() > AirTuning::kTurning) {
+    arm_heading_ = belief_.x(2);
+  }
+  learn_at_rest(seconds);
+}
+
+/// A body that stands still does not turn: then its gyro reads its bias; eq. (9) of docs/air.md.
+void AirEkf::learn_at_rest(double seconds) {
+  const auto square = [](double value) { return value * value; };
+  const double doubt = AirTuning::kNoiseOverDifferences;
+  const bool is_still =
+      shaking_.seconds >= AirTuning::kWatched && shaking_.noise < square(AirTuning::kCalmPush) &&
+      shaking_.rate_noise < square(AirTuning::kCalmRate) &&
+      shaking_.pushes - shaking_.mean.squaredNorm() <
+          doubt * shaking_.noise + square(AirTuning::kStillPush) &&
+      shaking_.rates < doubt * shaking_.rate_noise + square(AirTuning::kStillRate);
+  shaking_.still_s = is_still ? shaking_.still_s + seconds : 0.0;
+  if (shaking_.still_s < AirTuning::kWatched) {
+    return;
+  }
+  shaking_.still_s = 0.0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int row = InertialMotion::kRateBias[static_cast<std::size_t>(axis)];
+    if (belief_.P(row, row) < square(AirTuning::kLeastBias)) {
+      continue;
+    }
+    Linearization<1, InertialMotion::kVariables> lin;
+    lin.residual(0) = shaking_.rate(axis) - belief_.x(row);
+    lin.jacobian.setZero();
+    lin.jacobian(row) = 1.0;
+    lin.noise(0) = square(AirTuning::kSigmaStill);
+    (void)update(belief_, lin, moving_, Gate(AirTuning::kStillGate));
+  }
+  take_up_tilt();
+}
+
+/// Root of the share of the horizontal acceleration that is neither noise nor unknown: of the rest
+/// a heading must not be learnt; see InertialMotion::propagate.
+double AirEkf::heading_share() const {
+  const double g = InertialMotion::kGravity;
+  const std::array<int, 2> tilt{InertialMotion::kRotation[0], InertialMotion::kRotation[1]};
+  double unknown = AirTuning::kNoiseOverDifferences * shaking_.noise;
+  for (const int row : tilt) {
+    unknown += g * g * belief_.P(row, row);
+  }
+  for (const int row : {InertialMotion::kForceBias[0], InertialMotion::kForceBias[1]}) {
+    unknown += belief_.P(row, row);
+  }
+  const bool is_seen = shaking_.seconds >= AirTuning::kWatched && shaking_.pushes > unknown;
+  return is_seen ? std::sqrt(1.0 - unknown / shaking_.pushes) : 0.0;
 }
 
 InertialMotion::State AirEkf::inertial_state() const {
@@ -303,7 +444,7 @@ InertialMotion::State AirEkf::inertial_state() const {
 void AirEkf::integrate(Stamp stamp, const Vector<3>& rate, const Vector<3>& force) {
   const double seconds = seconds_between(belief_.stamp, stamp);
   const InertialMotion::Step step =
-      recipe_->inertial.propagate(inertial_state(), rate, force, seconds);
+      recipe_->inertial.propagate(inertial_state(), rate, force, seconds, heading_share());
   Propagation<Whole, InertialMotion::kVariables> moved{belief_.x, step.jacobian, step.noise};
   moved.moved(InertialMotion::kPosition) = step.moved.position;
   moved.moved(InertialMotion::kVelocity) = step.moved.velocity;
@@ -353,6 +494,12 @@ Outcome AirEkf::on(const Imu& z) {
   }
   const Sample now{z.stamp, recipe_->inertial.in_body(z.angular_rate),
                    recipe_->inertial.in_body(*z.specific_force)};
+  if (sample_ && z.stamp - sample_->stamp > AirTuning::kForgets) {
+    forget_attitude();
+  }
+  if (const std::optional<Reason> why = distrusted(now)) {
+    return {Verdict::kImplausible, *why};
+  }
   Undo undo(*this, z.stamp);
   if (sample_ && z.stamp - sample_->stamp <= AirTuning::kHoldsSample) {
     if (z.stamp > belief_.stamp) {
@@ -362,12 +509,11 @@ Outcome AirEkf::on(const Imu& z) {
   } else {
     advance_to(z.stamp);
   }
-  if (!has_up_) {
-    look_up(now.force);
+  if (!has_up_ && !look_up(now.force)) {
+    return undo.close({Verdict::kImplausible, Reason::kBeyondLimits});
   }
-  if (has_up_) {
-    sample_ = now;
-  }
+  watch(now);
+  sample_ = now;
   return undo.close({Verdict::kFused});
 }
 
@@ -422,6 +568,13 @@ Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, const
     take_up_tilt();
   }
   return undo.close(outcome);
+}
+
+/// The arm by which a rotation moves a point. While nothing shows the heading it is that of one
+/// heading: of its changes by noise a filter would learn what none of them knows.
+Vector<3> AirEkf::jacobian_arm(const Vector<3>& arm) const {
+  return is_inertial() ? Vector<3>(rotation_by({0.0, 0.0, arm_heading_ - pose().heading}) * arm)
+                       : arm;
 }
 
 /// Of a tag, in the axes of the world.
@@ -479,7 +632,12 @@ Outcome AirEkf::correct_at(const Range& z, const Gate& gate, const Vector<3>* pl
         if (place != nullptr) {
           lin->residual(0) -= gradient.dot((position() - *place).transpose());
         }
-        return seen_at(*lin, arm_of(recipe_->range.tags(), z.tag), gradient);
+        Seen<Linearization<1, 4>> seen =
+            seen_at(*lin, jacobian_arm(arm_of(recipe_->range.tags(), z.tag)), gradient);
+        if (is_inertial()) {
+          seen.lin.jacobian(2) = seen.by_rotation(0, 2);
+        }
+        return seen;
       },
       [&] { return internal::why_not(recipe_->range, z); });
 }
@@ -509,7 +667,7 @@ Outcome AirEkf::on(const PositionFix& z) {
         }
         Matrix<Eigen::Dynamic, 3> gradient = Matrix<Eigen::Dynamic, 3>(lin->jacobian);
         gradient.col(2).setZero();
-        Seen<Lin> seen = seen_at(*lin, arm, gradient);
+        Seen<Lin> seen = seen_at(*lin, jacobian_arm(arm), gradient);
         if (is_inertial()) {
           seen.lin.jacobian.col(2) = seen.by_rotation.col(2);
         }
@@ -531,7 +689,7 @@ Outcome AirEkf::on(const Altitude& z) {
         const auto lin = internal::of_source(
             recipe_->config, std::optional(recipe_->altitude.linearize(height() + arm.z() - up, z)),
             Source::kAltitudes);
-        return std::optional(seen_at(*lin, arm, Matrix<1, 3>(0.0, 0.0, 1.0)));
+        return std::optional(seen_at(*lin, jacobian_arm(arm), Matrix<1, 3>(0.0, 0.0, 1.0)));
       },
       [] { return Reason::kNone; });
 }
@@ -552,13 +710,7 @@ Outcome AirEkf::on(const PoseObservation& z) {
         if (!lin) {
           return std::nullopt;
         }
-        // The heading is that of the x axis, eq. (8) of docs/air.md.
-        const Vector<3> ahead = attitude().col(0);
-        const double level = std::max(ahead.head<2>().squaredNorm(),
-                                      AirTuning::kLeastLevel * AirTuning::kLeastLevel);
-        const Matrix<1, 3> by_rotation(-ahead.z() * ahead.x() / level,
-                                       -ahead.z() * ahead.y() / level, 1.0);
-        return Seen<Lin>{*lin, lin->jacobian.col(2) * by_rotation};
+        return Seen<Lin>{*lin, lin->jacobian.col(2) * heading_by_rotation()};
       },
       [] { return Reason::kNoSigma; });
 }
@@ -924,6 +1076,15 @@ AirEkf AirEkf::anywhere(double span) const {
     variance(rows) << velocity * velocity, velocity * velocity, climb * climb;
     other.belief_.x(rows).setZero();
   }
+  if (is_inertial()) {
+    const InertialMotion::Config& sensor = recipe_->config.inertial;
+    other.belief_.x.tail<6>().setZero();
+    variance.segment<3>(InertialMotion::kRateBias[0])
+        .setConstant(sensor.sigma_bias_radps * sensor.sigma_bias_radps);
+    variance.segment<3>(InertialMotion::kForceBias[0])
+        .setConstant(sensor.sigma_bias_mps2 * sensor.sigma_bias_mps2);
+    other.forget_attitude();
+  }
   other.belief_.P = Eigen::MatrixXd(variance.asDiagonal());
   other.belief_.correlated = belief_.correlated.restarted();
   return other;
@@ -946,6 +1107,7 @@ std::vector<AirEkf> AirEkf::by_heading() const {
     P.col(2).setZero();
     P(2, 2) = AirTuning::kSigmaHeading * AirTuning::kSigmaHeading;
     one.belief_.P = P;
+    one.arm_heading_ = one.belief_.x(2);
     all.push_back(std::move(one));
   }
   return all;
@@ -958,18 +1120,25 @@ AirEkf AirEkf::continued_at(Stamp stamp) const {
   other.belief_.stamp = stamp;
   other.odometry_ = odometry_.restarted(stamp);
   other.sample_.reset();
+  other.shaking_ = {};
   other.climb_rate_ = 0.0;
   return other;
 }
 
 AirEstimate AirEkf::current() const {
-  AirEstimate now{belief_.stamp, pose(), height(), belief_.marginal(place_)};
-  if (is_inertial()) {
-    const std::vector<Slot> turned{moving_[4], body_};  // tilt, and the third of the pose
-    const Matrix<5, 5> P = belief_.marginal(turned);
-    const std::array<int, 3> rows{0, 1, 4};
-    now.attitude = Attitude{quaternion_of(attitude()), P(rows, rows)};
+  AirEstimate now{belief_.stamp, pose(), height(), {}};
+  if (!is_inertial()) {
+    now.covariance = belief_.marginal(place_);
+    return now;
   }
+  const std::vector<Slot> turned{body_, height_, moving_[4]};  // and the tilt
+  const Matrix<6, 6> P = belief_.marginal(turned);
+  const std::array<int, 3> rotation{4, 5, 2};
+  now.attitude = Attitude{quaternion_of(attitude()), P(rotation, rotation)};
+  Matrix<4, 6> J = Matrix<4, 6>::Identity();
+  J(2, rotation) = heading_by_rotation();
+  now.covariance = J * P * J.transpose();
+  now.covariance = (0.5 * (now.covariance + now.covariance.transpose())).eval();
   return now;
 }
 

@@ -306,6 +306,11 @@ const AirEkf* AirSum::decided() const {
   return components_.size() == 1 && epoch_.empty() ? &components_.front().ekf : nullptr;
 }
 
+bool AirSum::has_headings() const {
+  return std::any_of(components_.begin(), components_.end(),
+                     [](const Component& component) { return component.ekf.has_heading(); });
+}
+
 AirEkf AirSum::mean() const {
   double total = components_.front().log_weight;
   for (std::size_t i = 1; i < components_.size(); ++i) {

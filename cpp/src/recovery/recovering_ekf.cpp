@@ -212,6 +212,10 @@ Outcome RecoveringEkf::on(const Imu& z) {
     return {Verdict::kIgnored, tracker_ ? Reason::kNotUsed : Reason::kNotStarted};
   }
   const Outcome outcome = track_in_space(*air, z);
+  const bool has_heading = places_ ? places_->has_headings() : air->has_heading();
+  if (outcome.verdict == Verdict::kFused && !has_heading) {
+    places_.emplace(recipe_->places(), *air);
+  }
   health_.advance(belief().stamp);
   listen();
   return outcome;

@@ -134,6 +134,10 @@ def unobservable_states(context: Context) -> Iterator[Finding]:
         return
     if _arms_apart(context):
         return
+    if context.config.is_inertial:
+        yield note("heading is unobservable standing still and in a steady circle; changes of "
+                   "speed resolve it", "estimator.air.motion")  # fmt: skip
+        return
     if "odometry" not in sources:
         yield warning("heading is unobservable: nothing measures it, and without odometry driving "
                       "does not help", "use",

@@ -22,6 +22,7 @@ Positive: TypeAlias = Annotated[float, Field(gt=0.0)]  # C++ checks the upper bo
 NonNegative: TypeAlias = Annotated[float, Field(ge=0.0)]
 DriftSigma: TypeAlias = Annotated[float, Field(ge=0.0, le=1e6)]
 LostSigma: TypeAlias = Annotated[float, Field(gt=0.0, le=1e6)]
+Angle: TypeAlias = Annotated[float, Field(ge=-360.0, le=360.0)]
 Limit: TypeAlias = Annotated[float, Field(gt=0.0, le=1e12)]
 Latency: TypeAlias = Annotated[float, Field(ge=0.0, le=3600.0)]
 GateProbability: TypeAlias = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -464,15 +465,15 @@ class Imu(Strict):
 
     turn: Literal["weighted", "average"] = "weighted"
     """Turn by variances, or the mean of wheels and gyro."""
-    sigma_turn_per_sqrt_s: Positive = struct.sigma_turn_per_sqrt_s
+    sigma_turn_per_sqrt_s: LostSigma = struct.sigma_turn_per_sqrt_s
     """White noise of the gyro: heading error after a second [rad/√s]."""
-    sigma_bias_radps: Positive = struct.sigma_bias_radps
+    sigma_bias_radps: LostSigma = struct.sigma_bias_radps
     """Sigma of the gyro's bias at the start [rad/s]."""
-    sigma_velocity_per_sqrt_s: Positive = in_space.sigma_velocity_per_sqrt_s
+    sigma_velocity_per_sqrt_s: LostSigma = in_space.sigma_velocity_per_sqrt_s
     """White noise of the accelerometer: velocity error after a second; in space [m/s/√s]."""
-    sigma_bias_mps2: Positive = in_space.sigma_bias_mps2
+    sigma_bias_mps2: LostSigma = in_space.sigma_bias_mps2
     """Sigma of the accelerometer's bias at the start; in space [m/s²]."""
-    mount_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mount_deg: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     """Roll, pitch and yaw of the sensor's axes in body; in space [deg]."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
@@ -861,8 +862,8 @@ Start: TypeAlias = Annotated[
 class SwitchedOff(Strict):
     """A source that is off from one arrival on, and perhaps on again from another."""
 
-    source: Message
-    """Source that is off."""
+    source: Source
+    """Source that is off; `imu` where `air.motion` is `inertial`."""
     from_s: Annotated[float, Field(ge=-4e9, le=4e9)]
     """First arrival time, on the clock of the log, at which it is off [s]."""
     until_s: Annotated[float, Field(ge=-4e9, le=4e9)] | None = None
@@ -1098,6 +1099,15 @@ class RunConfig(Strict):
                                self.estimator.range.noise == "one_sided")):  # fmt: skip
             if self.smooth and is_there:
                 raise ValueError(f"smooth does not go with {key}; remove one of the two")
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_switched_off(self) -> RunConfig:
+        if not self.is_inertial and any(off.source == "imu" for off in self.switched_off):
+            raise ValueError(
+                "switched_off names imu, which is a source of its own only with "
+                "estimator.kind 'air' and air.motion 'inertial'; remove it"
+            )
         return self
 
     @model_validator(mode="after")

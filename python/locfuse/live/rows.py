@@ -26,6 +26,7 @@ Message = (
     | _core.RangeBearing
     | _core.Altitude
     | _core.Heading
+    | _core.Imu
 )
 
 

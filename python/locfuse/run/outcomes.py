@@ -24,6 +24,8 @@ SENTENCES = {
     "source_excluded": "left out: anchor {anchor} is likely wrong as a whole",
     "ambiguous": "ambiguous: too near a landmark for a new one",
     "beyond_limits": "farther from the origin than limits.distance_m",
+    "beyond_limits/imu": "turns faster than limits.turn_rate_radps, or begins with a force that is "
+                         "no gravity; expected m/s^2, gravity included",
     "beyond_limits/odometry": "faster than limits.speed_mps or limits.turn_rate_radps",
     "beyond_limits/ranges": "longer than limits.range_m",
     "beyond_limits/landmark_sightings": "longer than limits.range_m",
@@ -31,6 +33,7 @@ SENTENCES = {
     "frozen/positions": "tag_conditioner: frozen, while the tag moved more than {limit:.3g} m",
     "jumped": "tag_conditioner: jumped {residual:.3g} m from the last fix, "
               "more than {limit:.3g} m",
+    "jumped/imu": "leaps alone, by more than 100 m/s^2 or 10 rad/s",
     "before_estimate": "before the start",
     "too_late": "older than the history of {history}",
     "too_far_ahead": "stamped long after all before it; waits for another that agrees",
@@ -38,6 +41,7 @@ SENTENCES = {
     "not_started": "the start is still searched for",
     "waits": "kept until ranges tell several places in space apart",
     "not_used": "the estimator does not fuse {source}",
+    "not_used/imu": "measures no force: is there an accelerometer?",
     "not_used/altitudes": "the estimator has no height",
     "unknown_anchor": "unknown anchor {anchor}",
     "unknown_tag": "unknown tag {tag}",

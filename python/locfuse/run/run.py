@@ -269,9 +269,22 @@ def _fused(
         "watched": watched_metrics(watched),
         **mapping_metrics(config, log, landmarks),
     }
+    _warn_of_unused_samples(config, outcomes)
     result = _result(config, log, estimate, outcomes, figures, started.found, localization,
                      record.errors, messages.anchor_names)  # fmt: skip
     return replace(result, health=health, landmarks=landmarks, watched=watched)
+
+
+def _warn_of_unused_samples(config: RunConfig, outcomes: Outcomes) -> None:
+    """Say why hardly a sample moves an inertial body."""
+    if not config.is_inertial:
+        return
+    samples = outcomes.source == "imu"
+    unused = samples & (outcomes.verdict != "fused")
+    if 2 * unused.sum() > samples.sum():
+        reasons, counts = np.unique(outcomes.reason[unused], return_counts=True)
+        _logger.warning("%d of %d samples of imu are not used: %s", unused.sum(), samples.sum(),
+                        reasons[np.argmax(counts)])  # fmt: skip
 
 
 def _beginning(log: Log, messages: Messages, done: int) -> tuple[Log, Messages]:

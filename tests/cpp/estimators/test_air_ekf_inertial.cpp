@@ -89,11 +89,17 @@ TEST(InertialAirEkf, errors_with_every_sensor_are_as_large_as_it_believes) {
   EXPECT_TRUE(in_band(result.nis, 1, result.rows, 0.99)) << result.nis;
 }
 
-TEST(InertialAirEkf, errors_with_ranges_alone_are_as_large_as_it_believes) {
+/// Of what may be noise it learns no heading, which makes it cautious where nothing else shows it,
+/// by a seventh at most.
+bool cautious_in_band(double nees, int dof) {
+  return in_band(nees, dof, kRuns, 0.99) || (nees < dof && nees > dof * 6.0 / 7.0);
+}
+
+TEST(InertialAirEkf, errors_with_ranges_alone_are_hardly_smaller_than_it_believes) {
   const Consistency result = measure(nothing, false);
-  EXPECT_TRUE(in_band(result.place, 3, kRuns, 0.99)) << result.place;
-  EXPECT_TRUE(in_band(result.rotation, 3, kRuns, 0.99)) << result.rotation;
-  EXPECT_TRUE(in_band(result.all, 9, kRuns, 0.99)) << result.all;
+  EXPECT_TRUE(cautious_in_band(result.place, 3)) << result.place;
+  EXPECT_TRUE(cautious_in_band(result.rotation, 3)) << result.rotation;
+  EXPECT_TRUE(cautious_in_band(result.all, 9)) << result.all;
   EXPECT_TRUE(in_band(result.nis, 1, result.rows, 0.99)) << result.nis;
 }
 
@@ -264,6 +270,131 @@ TEST(InertialAirEkf, finds_a_heading_that_nobody_knows) {
   EXPECT_EQ(sure_and_wrong, 0);
   EXPECT_GE(decided, kStarts - 1);
   EXPECT_GE(right, kStarts - 1);
+}
+
+/// Where it believes to be at the end, of a flight whose samples come as `change` lets them.
+template <class Change>
+Off after(std::uint64_t seed, double seconds, const Change& change) {
+  AirEkf::Config config = testing::inertial_config();
+  config.range.gate = config.pose.gate = 0.999;
+  const InertialFlight flight = testing::swing_about(seed, seconds, {}, false);
+  RecoveringEkf ekf = recovering(config, flight.start);
+  for (const Message& message : flight.messages) {
+    const Imu* sample = std::get_if<Imu>(&message);
+    if (sample == nullptr) {
+      (void)ekf.on(message);
+    } else if (const std::optional<Imu> changed = change(*sample)) {
+      (void)ekf.on(*changed);
+    }
+  }
+  return off(flight, *ekf.current_in_space());
+}
+
+TEST(InertialAirEkf, finds_its_attitude_again_after_a_silence_of_the_sensor) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    const Off end = after(seed, 50.0, [](const Imu& z) -> std::optional<Imu> {
+      return z.stamp > 10 * kSecond && z.stamp < 30 * kSecond ? std::nullopt : std::optional(z);
+    });
+    EXPECT_LT(end.place.norm(), 0.5) << seed;
+    EXPECT_LT(end.rotation.norm(), 0.3) << seed;
+  }
+}
+
+TEST(InertialAirEkf, rejects_a_sensor_that_hangs_and_comes_back) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    std::optional<Imu> held;
+    const Off end = after(seed, 50.0, [&held](Imu z) {
+      if (z.stamp > 10 * kSecond && z.stamp < 20 * kSecond) {
+        held = held.value_or(z);
+        z.angular_rate = held->angular_rate;
+        z.specific_force = held->specific_force;
+      }
+      return std::optional(z);
+    });
+    EXPECT_LT(end.place.norm(), 0.5) << seed;
+    EXPECT_LT(end.rotation.norm(), 0.3) << seed;
+  }
+}
+
+TEST(InertialAirEkf, rejects_a_sample_that_leaps_alone_and_takes_what_lasts) {
+  AirEkf ekf = testing::air_ekf(testing::inertial_config(),
+                                {0, {1.0, 2.0, 0.0}, 3.0, 0.01 * Matrix<4, 4>::Identity()});
+  const Vector<3> up(0.0, 0.0, InertialMotion::kGravity);
+  const Vector<3> hit = up + Vector<3>(300.0, 0.0, 0.0);
+  const Stamp tick = kSecond / 100;
+  EXPECT_EQ(ekf.on(Imu{0, Vector<3>::Zero(), up}).verdict, Verdict::kFused);
+  EXPECT_EQ(ekf.on(Imu{tick, Vector<3>::Zero(), hit}).reason, Reason::kJumped);
+  EXPECT_EQ(ekf.on(Imu{2 * tick, Vector<3>::Zero(), up}).verdict, Verdict::kFused);
+  EXPECT_NEAR(ekf.belief().x(4), 0.0, 1e-12);
+  EXPECT_EQ(ekf.on(Imu{3 * tick, Vector<3>::Zero(), hit}).reason, Reason::kJumped);
+  EXPECT_EQ(ekf.on(Imu{4 * tick, Vector<3>::Zero(), hit}).verdict, Verdict::kFused);
+  EXPECT_EQ(ekf.on(Imu{5 * tick, Vector<3>(20.0, 0.0, 0.0), hit}).reason, Reason::kJumped);
+}
+
+TEST(InertialAirEkf, does_not_begin_with_a_force_that_is_no_gravity) {
+  AirEkf ekf = testing::air_ekf(testing::inertial_config(),
+                                {0, {1.0, 2.0, 0.0}, 3.0, 0.01 * Matrix<4, 4>::Identity()});
+  const Outcome in_g = ekf.on(Imu{kSecond, Vector<3>::Zero(), Vector<3>(0.0, 0.0, 1.0)});
+  EXPECT_EQ(in_g.verdict, Verdict::kImplausible);
+  EXPECT_EQ(in_g.reason, Reason::kBeyondLimits);
+  EXPECT_EQ(ekf.belief().stamp, 0);
+  EXPECT_EQ(ekf.on(Imu{kSecond, Vector<3>::Zero(), Vector<3>::Zero()}).verdict,
+            Verdict::kNotModelled);
+}
+
+/// A body that stands still for minutes, by one tag, at random noise of the sensor.
+AirEkf standing(std::uint64_t seed, double seconds, double force_sigma, double rate_sigma) {
+  testing::Rng rng(seed);
+  AirEkf::Config config = testing::well_informed(AirMotion::kInertial);
+  config.correlation_s = 0.0;
+  AirEkf ekf = testing::air_ekf(config, {0, {1.0, 2.0, 0.0}, 3.0, 0.04 * Matrix<4, 4>::Identity()});
+  const auto noise = [&rng](double sigma) {
+    return Vector<3>(testing::normal(rng, sigma), testing::normal(rng, sigma),
+                     testing::normal(rng, sigma));
+  };
+  const Vector<3> bias = noise(0.01);
+  const Vector<3> tag(1.3, 1.8, 2.9);
+  for (Stamp k = 0; k <= static_cast<Stamp>(100.0 * seconds); ++k) {
+    const Stamp now = k * kSecond / 100;
+    (void)ekf.on(Imu{now, noise(rate_sigma) + bias,
+                     noise(force_sigma) + Vector<3>(0.0, 0.0, InertialMotion::kGravity)});
+    for (const Anchor& a : testing::corners()) {
+      if (k % 20 == 0) {
+        const double range = (tag - a.position).norm() + testing::normal(rng, 0.1);
+        (void)ekf.on(Range{now, 0, a.id, range, {}});
+      }
+    }
+  }
+  return ekf;
+}
+
+TEST(InertialAirEkf, a_body_at_rest_learns_no_heading_of_noise) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    const AirEstimate end = standing(seed, 120.0, 0.5, 0.02).estimate();
+    EXPECT_LT(std::abs(end.pose.heading), 3.0 * std::sqrt(end.covariance(2, 2))) << seed;
+    EXPECT_GT(end.covariance(2, 2), 0.04) << seed;  // of the start
+  }
+}
+
+TEST(InertialAirEkf, a_calm_sensor_shows_the_bias_of_its_gyro_at_rest) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    const AirEkf ekf = standing(seed, 60.0, 0.05, 0.005);
+    const AirEstimate end = ekf.estimate();
+    EXPECT_LT(std::abs(end.pose.heading), 3.0 * std::sqrt(end.covariance(2, 2))) << seed;
+    EXPECT_LT(end.covariance(2, 2), 0.25) << seed;
+    EXPECT_LT(ekf.belief().P(11, 11), 0.002 * 0.002) << seed;
+  }
+}
+
+TEST(InertialAirEkf, a_heading_is_unknown_where_the_body_points_upwards) {
+  const Matrix<3, 3> R = rotation_of(0.0, -1.52, 0.7);
+  AirEkf ekf = testing::air_ekf(testing::inertial_config(),
+                                {0, {1.0, 2.0, 0.7}, 3.0, 0.01 * Matrix<4, 4>::Identity()});
+  (void)ekf.on(
+      Imu{0, Vector<3>::Zero(), R.transpose() * Vector<3>(0.0, 0.0, InertialMotion::kGravity)});
+  const AirEstimate here = ekf.estimate();
+  EXPECT_GT(here.covariance(2, 2), 0.5);
+  EXPECT_NEAR(here.attitude->covariance(2, 2), 0.01, 1e-12);
 }
 
 TEST(InertialAirEkf, late_messages_give_the_bits_of_those_in_order) {

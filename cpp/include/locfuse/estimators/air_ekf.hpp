@@ -34,8 +34,8 @@ struct Attitude {
   Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
 };
 
-/// Where a body that flies is at one instant. Its heading is that of its x axis in the plane; the
-/// variance of it is that of a rotation about the vertical.
+/// Where a body that flies is at one instant. Its heading is that of its x axis in the plane, which
+/// is unknown where that axis is vertical.
 struct AirEstimate {
   Stamp stamp = 0;
   Pose2 pose;
@@ -112,8 +112,9 @@ class AirEkf {
   Outcome on(const Altitude& z);
   Outcome on(const Heading& z);
   Outcome on(const PoseObservation& z);
-  /// Holds until the next one, or for 0.1 s. Ignored unless inertial; kNotModelled without a force, or
-  /// with one of 0, as of a sensor without an accelerometer.
+  /// Holds until the next one, or for 0.1 s. Ignored unless inertial; kNotModelled without a force,
+  /// or with one of 0, as of a sensor without an accelerometer. kImplausible if it leaps alone, if
+  /// it repeats itself while the body moves, or if it begins with a force that is no gravity.
   Outcome on(const Imu& z);
   static constexpr bool kTakesImu = true;
   /// Of a landmark that it names, at its height; kNotModelled without a name.
@@ -187,6 +188,18 @@ class AirEkf {
     Vector<3> rate;
     Vector<3> force;
   };
+  /// What samples of the last second say: powers, of the differences between successive ones half.
+  struct Shaking {
+    double seconds = 0.0;                ///< how long, at most one
+    Vector<2> push = Vector<2>::Zero();  ///< last horizontal acceleration [m/s^2]
+    double pushes = 0.0;                 ///< of it
+    Vector<2> mean = Vector<2>::Zero();  ///< of the same
+    double noise = 0.0;                  ///< of its differences
+    Vector<3> rate = Vector<3>::Zero();  ///< mean [rad/s]
+    double rates = 0.0;                  ///< about that
+    double rate_noise = 0.0;             ///< of differences
+    double still_s = 0.0;                ///< how long the body has stood still
+  };
   class Undo;
 
   template <class Motion>
@@ -195,7 +208,13 @@ class AirEkf {
   void lift(Stamp stamp);
   void integrate(Stamp stamp, const Vector<3>& rate, const Vector<3>& force);
   void coast(Stamp stamp);
-  void look_up(const Vector<3>& force);
+  [[nodiscard]] std::optional<Reason> distrusted(const Sample& now);
+  void watch(const Sample& now);
+  void learn_at_rest(double seconds);
+  [[nodiscard]] double heading_share() const;
+  [[nodiscard]] Matrix<1, 3> heading_by_rotation() const;
+  void forget_attitude();
+  [[nodiscard]] bool look_up(const Vector<3>& force);
   void turn_to(const Matrix<3, 3>& attitude);
   void take_up_tilt();
   void stay_inside();
@@ -204,6 +223,7 @@ class AirEkf {
   [[nodiscard]] std::array<int, 3> velocity_rows() const;
   [[nodiscard]] std::optional<Linearization<1, 4>> look(const Vector<3>& place,
                                                         const Range& z) const;
+  [[nodiscard]] Vector<3> jacobian_arm(const Vector<3>& arm) const;
   [[nodiscard]] Vector<3> arm_of(const std::vector<Tag>& tags, Id tag) const;
   [[nodiscard]] Eigen::VectorXd off(const AirEkf& other) const;
   [[nodiscard]] Matrix<3, 3> spread() const;
@@ -221,7 +241,12 @@ class AirEkf {
   std::vector<Slot> place_;   // body, height
   std::vector<Slot> moving_;  // and, without odometry, velocity and climb; inertial: all there is
   HeldMotion odometry_;
-  std::optional<Sample> sample_;                     // the last one
+  double arm_heading_ = 0.0;  // of `jacobian_arm`
+  Shaking shaking_;
+  std::optional<Sample> received_;                   // the last one, trusted or not
+  int repeated_ = 0;                                 // samples that are the one before
+  bool has_leapt_ = false;                           // the last one, which was left out for that
+  std::optional<Sample> sample_;                     // the last one that was trusted
   bool has_up_ = false;                              // whether a force has shown which way it is
   Matrix<3, 3> upright_ = Matrix<3, 3>::Identity();  // the attitude less the heading
   double climb_rate_ = 0.0;                          // [m/s], held as long as odometry is

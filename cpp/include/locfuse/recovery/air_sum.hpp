@@ -51,6 +51,8 @@ class AirSum {
   [[nodiscard]] const AirEkf* decided() const;
   /// Whether the likeliest place is one that was added.
   [[nodiscard]] bool has_moved() const { return components_.front().moved; }
+  /// Whether the heading of any place is known well enough, or nothing depends on it.
+  [[nodiscard]] bool has_headings() const;
   /// Whether several are left.
   [[nodiscard]] bool is_ambiguous() const { return components_.size() > 1; }
   /// The mean of all places, with the covariance of their mixture.

@@ -37,7 +37,8 @@ InertialMotion::InertialMotion(const Config& config)
 }
 
 InertialMotion::Step InertialMotion::propagate(const State& state, const Vector<3>& rate,
-                                               const Vector<3>& force, double seconds) const {
+                                               const Vector<3>& force, double seconds,
+                                               double heading_share) const {
   const double T = seconds;
   const Vector<3> turn = T * (rate - state.rate_bias);
   const Matrix<3, 3> middle = state.attitude * rotation_by(0.5 * turn);
@@ -51,7 +52,8 @@ InertialMotion::Step InertialMotion::propagate(const State& state, const Vector<
   step.moved.attitude = orthonormal(state.attitude * rotation_by(turn));
 
   Matrix<kVariables, kVariables>& F = step.jacobian;
-  const Matrix<3, 3> by_rotation = -T * cross_matrix(pushed);
+  Matrix<3, 3> by_rotation = -T * cross_matrix(pushed);
+  by_rotation.col(2) *= heading_share;
   const Matrix<3, 3> by_bias = -T * middle;
   F(kPosition, kVelocity).diagonal().setConstant(T);
   F(kPosition, kRotation) = 0.5 * T * by_rotation;

@@ -59,9 +59,10 @@ class InertialMotion {
   [[nodiscard]] Vector<3> in_body(const Vector<3>& measured) const { return mount_ * measured; }
 
   /// State `seconds` later, by the mean angular rate [rad/s] and specific force [m/s^2] in body of
-  /// that time; eq. (5.1) to (5.4).
+  /// that time; eq. (5.1) to (5.4). `heading_share` is the root of the share of the horizontal
+  /// force that is no noise, by which a heading may be learnt; eq. (5.5).
   [[nodiscard]] Step propagate(const State& state, const Vector<3>& rate, const Vector<3>& force,
-                               double seconds) const;
+                               double seconds, double heading_share = 1.0) const;
 
   [[nodiscard]] const Config& config() const { return config_; }
 
