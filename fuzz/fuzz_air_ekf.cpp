@@ -21,32 +21,35 @@ void send(fuzz::Reader& io, AirEkf& ekf, Stamp& now) {
 
 }  // namespace
 
-/// AirEkf with arbitrary settings and messages, with odometry or constant velocity.
+/// AirEkf with arbitrary settings and messages, with odometry, constant velocity or a sensor.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Reader io(data, size);
   AirEkf::Config config;
   fuzz::read_if_unusual(io, config);
-  bool by_itself = false;
-  code(io, by_itself);
+  std::uint8_t motion = 0;
+  code(io, motion, 3);
   AirEstimate start;
   Stamp now = 0;
   code(io, start.stamp, now);
   code(io, start.pose, 30.0);
   code(io, start.height, -10.0, 30.0);
   code(io, start.covariance, 10.0);
-  config.motion = by_itself ? AirMotion::kConstantVelocity : AirMotion::kOdometry;
+  config.motion = AirMotion{motion};
   std::optional<AirEkf> ekf;
   if (!fuzz::returns([&] { ekf.emplace(testing::air_ekf(config, start)); })) {
     return 0;
   }
   while (!io.empty()) {
     std::uint8_t call = 0;
-    code(io, call, 7);
+    code(io, call, 8);
     using Send = void (*)(fuzz::Reader&, AirEkf&, Stamp&);
-    static constexpr Send kSend[] = {send<Velocity>,    send<Increment>, send<Range>,
-                                     send<PositionFix>, send<Altitude>,  send<PoseObservation>,
-                                     send<RangeBearing>};
+    static constexpr Send kSend[] = {send<Velocity>,     send<Increment>, send<Range>,
+                                     send<PositionFix>,  send<Altitude>,  send<PoseObservation>,
+                                     send<RangeBearing>, send<Imu>};
     kSend[call](io, *ekf, now);
+    const Matrix<3, 3> R = ekf->attitude();
+    fuzz::require((R * R.transpose() - Matrix<3, 3>::Identity()).norm() < 1e-9,
+                  "the attitude is a rotation");
   }
   return 0;
 }

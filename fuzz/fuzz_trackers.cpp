@@ -25,7 +25,7 @@ RecoveringEkf fresh_of(int kind) {
     config.restart = false;
   } else {
     AirEkf::Config air;
-    air.motion = kind == 2 ? AirMotion::kOdometry : AirMotion::kConstantVelocity;
+    air.motion = AirMotion{static_cast<std::uint8_t>(kind - 2)};
     config.tracker = air;
   }
   RecoveringEkf robot(config, {testing::hall(),
@@ -65,7 +65,7 @@ RecoveringEkf fused(RecoveringEkf robot, const std::vector<Message>& messages) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::Reader io(data, size);
   std::uint8_t kind = 0;
-  code(io, kind, 4);
+  code(io, kind, 5);
   Stamp now = 0;
   Stamp history = 0;
   code(io, history, now);

@@ -132,13 +132,30 @@ void code_settings(Io& io, AirEkf::Config& c) {
   code_settings(io, c.limits);
   code(io, {&c.altitude.altimeter_up_m, &c.landmark_in_space.sensor_up_m}, -1.0, 1.0);
   code(io,
-       {&c.landmark_in_space.sigma_elevation_rad, &c.constant_velocity.sigma_velocity_per_sqrt_s,
-        &c.constant_velocity.sigma_climb_per_sqrt_s, &c.constant_velocity.sigma_heading_per_sqrt_s,
-        &c.sigma_height_per_sqrt_s, &c.sigma_start_velocity_mps, &c.sigma_start_climb_mps,
-        &c.range.gate, &c.position.gate, &c.pose.gate, &c.altitude.gate, &c.landmark.gate,
-        &c.sigma_lost_xy_per_sqrt_s, &c.sigma_lost_heading_per_sqrt_s,
-        &c.sigma_lost_height_per_sqrt_s},
+       {&c.landmark_in_space.sigma_elevation_rad,
+        &c.constant_velocity.sigma_velocity_per_sqrt_s,
+        &c.constant_velocity.sigma_climb_per_sqrt_s,
+        &c.constant_velocity.sigma_heading_per_sqrt_s,
+        &c.sigma_height_per_sqrt_s,
+        &c.sigma_start_velocity_mps,
+        &c.sigma_start_climb_mps,
+        &c.range.gate,
+        &c.position.gate,
+        &c.pose.gate,
+        &c.altitude.gate,
+        &c.landmark.gate,
+        &c.sigma_lost_xy_per_sqrt_s,
+        &c.sigma_lost_heading_per_sqrt_s,
+        &c.sigma_lost_height_per_sqrt_s,
+        &c.inertial.sigma_turn_per_sqrt_s,
+        &c.inertial.sigma_velocity_per_sqrt_s,
+        &c.inertial.sigma_bias_radps,
+        &c.inertial.sigma_bias_mps2,
+        &c.inertial.sigma_scale},
        0.0, 1.0);
+  for (double& angle : c.inertial.mount) {
+    code(io, angle, -4.0, 4.0);
+  }
   code_noise(io, c);
   code(io, c.hold_s, 0.0, 10.0);
 }

@@ -9,6 +9,7 @@
 #include "settings.hpp"
 #include "support/discs.hpp"
 #include "support/flight.hpp"
+#include "support/inertial_flight.hpp"
 #include "support/scrubber.hpp"
 #include "support/simulation.hpp"
 
@@ -321,8 +322,10 @@ void write_flights(const std::filesystem::path& folder) {
     Input air(folder / "air_ekf" / (by_itself ? "by_itself" : "by_odometry"));
     testing::Flight flight =
         testing::fly(2, 1.6, by_itself ? testing::by_itself : testing::by_odometry);
-    air.settings<AirEkf::Config>(by_itself).flag(by_itself).message(Stamp{0}).part(
-        flight.start.pose, 30.0);
+    air.settings<AirEkf::Config>(by_itself)
+        .choice(by_itself ? 1 : 0)
+        .message(Stamp{0})
+        .part(flight.start.pose, 30.0);
     air.number(flight.start.height, -10.0, 30.0).part(flight.start.covariance, 10.0);
     struct Visitor {
       Input& air;
@@ -336,6 +339,30 @@ void write_flights(const std::filesystem::path& folder) {
     for (const auto& message : flight.messages) {
       std::visit(Visitor{air}, message);
     }
+  }
+}
+
+/// By an inertial sensor.
+void write_swing(const std::filesystem::path& folder) {
+  Input air(folder / "air_ekf" / "inertial");
+  const testing::InertialFlight flight = testing::swing_about(2, 1.2);
+  air.settings<AirEkf::Config>(false).choice(2).message(Stamp{0}).part(flight.start.pose, 30.0);
+  air.number(flight.start.height, -10.0, 30.0).part(flight.start.covariance, 10.0);
+  struct Visitor {
+    Input& air;
+    void operator()(const Imu& z) const { air.choice(7).message(z); }
+    void operator()(const Range& z) const { air.choice(2).message(z); }
+    void operator()(const PositionFix& z) const { air.choice(3).message(z); }
+    void operator()(const Altitude& z) const { air.choice(4).message(z); }
+    void operator()(const PoseObservation& z) const { air.choice(5).message(z); }
+    void operator()(const RangeBearing& z) const { air.choice(6).message(z); }
+    void operator()(const Velocity& /*z*/) const {}
+    void operator()(const Increment& /*z*/) const {}
+    void operator()(const LaserScan& /*z*/) const {}
+    void operator()(const Heading& /*z*/) const {}
+  };
+  for (const Message& message : flight.messages) {
+    std::visit(Visitor{air}, message);
   }
 }
 
@@ -426,6 +453,7 @@ int main(int argc, char** argv) {
   locfuse::fuzz::write_estimators(argv[1]);
   locfuse::fuzz::write_scans(argv[1]);
   locfuse::fuzz::write_flights(argv[1]);
+  locfuse::fuzz::write_swing(argv[1]);
   locfuse::fuzz::write_late_flights(argv[1]);
   locfuse::fuzz::write_gyro_odometry(argv[1]);
   locfuse::fuzz::write_health(argv[1]);
