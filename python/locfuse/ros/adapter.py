@@ -123,6 +123,7 @@ class Adapter:
         self._watched: dict[int, LivePose] = {}  # the last poses that are watched, by stamp
         self._fixes = Fixes(self._config.ros.gps_origin)
         self._fixes_wait = False  # for transforms
+        self._imu_from_ns: int | None = None  # first sample
         self._antennas: set[str] = set()  # frames of fixes that nothing placed
         self._first_ns: int | None = None  # of the clock
         self._now_ns: int | None = None
@@ -291,9 +292,13 @@ class Adapter:
             self._bodies.add(frame)
 
     def _imu(self, message: Any, topic: str) -> None:
-        row = decode.imu(message)
+        row, frame = decode.imu(message), plain(decode.frame_of(message))
         self._in_time(row.stamp_ns, topic)
-        self._feed("imu", rows.imu_row(row))
+        self._imu_from_ns = min(row.stamp_ns, self._imu_from_ns or row.stamp_ns)
+        waits = row.stamp_ns - self._imu_from_ns < TRANSFORMS_NS
+        if self._config.is_inertial and waits and frame and frame not in self._world.tree:
+            return  # its transform is latched, but may come later
+        self._feed("imu", rows.imu_row(row, self._world.tree.turn(frame)))
 
     def _scan(self, message: Any, topic: str) -> None:
         if clouds.is_cloud(message):

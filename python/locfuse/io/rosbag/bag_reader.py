@@ -102,7 +102,7 @@ class _BagReader:
         self.contents = contents
         self.deserializers: dict[Connection, Callable[[bytes], Any] | None] = {}
         self.letters = 0  # of definitions
-        self.searched: set[str] = set()  # frames of clouds
+        self.searched: set[str] = set()  # frames of clouds and of IMUs
         ros = contents.ros
         self.others = OtherMessages(ros)
         self.single_ranges = set(map(plain, ros.range_topics))
@@ -119,7 +119,7 @@ class _BagReader:
             self.readers[plain(topic)] = "ranges", partial(self._range_of, anchor)
         for key, reader in (
             ("odometry", self._odometry),
-            ("imu", lambda message, _: [rows.imu_row(decode.imu(message))]),
+            ("imu", self._imu),
             ("scans", self._scan),
             ("ranges", self._ranges),
             ("poses", self._pose),
@@ -370,6 +370,14 @@ class _BagReader:
     def _course(self, message: Any, _: str) -> list[Row]:
         row = decode.course(message, self.contents.ros.gps_origin)
         return [] if row is None else [rows.heading_row(row)]
+
+    def _imu(self, message: Any, _: str) -> list[Row]:
+        frame, tree = plain(decode.frame_of(message)), self.contents.tree
+        is_new = frame and frame not in tree and frame not in self.searched
+        if is_new and len(self.searched) < MAX_LASERS:  # transforms may come after the first sample
+            self.searched.add(frame)
+            self._search_transforms({frame}, ("tf_static", "tf"))
+        return [rows.imu_row(decode.imu(message), tree.turn(frame))]
 
     def _transforms(self, message: Any, _: str) -> list[Row]:
         self.contents.tree.add(decode.transforms(message))

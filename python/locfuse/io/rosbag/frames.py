@@ -109,6 +109,16 @@ class FrameTree:
             )
         return found
 
+    def turn(self, frame: str) -> FloatArray | None:
+        """Return the axes of a frame in the body, a column each, shape (3, 3).
+
+        None where they are those of the body, or no static transforms lead from the frame to it.
+        """
+        pose = self._in_body(plain(frame))
+        if pose is None or np.array_equal(pose[:3, :3], np.eye(3)):
+            return None
+        return np.asarray(pose[:3, :3], np.float64)
+
     def _in_body(self, frame: str) -> FloatArray | None:
         """Return the pose (4, 4) of a frame in the body: up from both to what they share."""
         ours, theirs = self._ancestors(self.base), self._ancestors(frame)

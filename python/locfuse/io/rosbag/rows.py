@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from locfuse import _core
 from locfuse.io.log_folder import FORCES, RATES
 from locfuse.io.rosbag import restarts
@@ -97,10 +99,16 @@ def scan_row(row: ScanRow, laser: Mapping[str, Any]) -> Row:
     return found if row.intensities is None else {**found, "intensities": row.intensities}
 
 
-def imu_row(row: ImuRow) -> Row:
-    """Return a sample of an IMU; without an accelerometer forces of 0, which show no vertical."""
-    return {"stamp_ns": row.stamp_ns, **dict(zip(RATES, row.rate, strict=True)),
-            **dict(zip(FORCES, row.force or (0.0, 0.0, 0.0), strict=True))}  # fmt: skip
+def imu_row(row: ImuRow, turn: FloatArray | None = None) -> Row:
+    """Return a sample of an IMU; without an accelerometer forces of 0, which show no vertical.
+
+    `turn` are its axes in the body, shape (3, 3), where they are not those of the body.
+    """
+    rate, force = row.rate, row.force or (0.0, 0.0, 0.0)
+    if turn is not None:
+        rate, force = (tuple((turn @ np.array(vector)).tolist()) for vector in (rate, force))
+    return {"stamp_ns": row.stamp_ns, **dict(zip(RATES, rate, strict=True)),
+            **dict(zip(FORCES, force, strict=True))}  # fmt: skip
 
 
 def range_row(row: RangeRow) -> Row:
