@@ -62,7 +62,7 @@ enum class AirMotion : std::uint8_t {
 ///
 /// A cheap value: copying it is a snapshot. Every `on` throws std::invalid_argument for a message
 /// that is not valid and NumericalError where numbers break. A message that is not fused changes no
-/// bit of the estimator.
+/// bit of the estimator, but that a sample which is rejected is remembered, to judge the next.
 class AirEkf {
  public:
   struct Config {
