@@ -293,7 +293,7 @@ def test_an_anchor_that_moves_is_refused_by_line(tmp_path: Path) -> None:
 
 
 def test_inrol_uwb_imu_has_the_rows_and_figures_of_its_notes(head: Log) -> None:
-    assert rows_in(head) == {"ranges": 32422, "truth": 22496, "anchors": 8}
+    assert rows_in(head) == {"ranges": 32422, "imu": 19139, "truth": 22496, "anchors": 8}
     errors = range_errors(head)
     assert [np.median(e) for e in errors.values()] == pytest.approx(
         [-0.053, 0.059, -0.027, 0.080, -0.005, -0.011, -0.017, -0.046], abs=0.002
@@ -303,6 +303,16 @@ def test_inrol_uwb_imu_has_the_rows_and_figures_of_its_notes(head: Log) -> None:
     )
     together = np.concatenate(list(errors.values()))
     assert [together.std(), np.abs(together).max()] == pytest.approx([0.135, 3.11], abs=0.004)
+
+
+def test_the_sensor_of_the_head_measures_gravity_in_its_attitude(head: Log) -> None:
+    truth, imu = head["truth"], head["imu"]
+    rows = np.searchsorted(truth["stamp_ns"], imu["stamp_ns"]).clip(max=len(truth["stamp_ns"]) - 1)
+    w, x, y, z = (truth[name][rows] for name in ("qw", "qx", "qy", "qz"))
+    force = np.stack([imu[f"a{axis}_mps2"] for axis in "xyz"])
+    up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+    assert np.mean(np.sum(up * force, axis=0)) == pytest.approx(9.81, abs=0.05)
+    assert np.linalg.norm(force, axis=0).mean() == pytest.approx(9.84, abs=0.05)
 
 
 def test_a_head_by_hand_becomes_its_log_in_order_of_time(tmp_path: Path) -> None:

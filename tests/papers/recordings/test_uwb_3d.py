@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from locfuse.types import FloatArray, Log, LogError
+from papers.recorded import ready_run
 from papers.recordings import uwb_3d
 from papers.recordings.silence import DRIVES
 from papers.scores import rms
@@ -95,3 +96,15 @@ def test_rows_of_present_recordings_are_numbers() -> None:
         claim.id for claim in claims
     }
     assert all(claim.met and claim.ours_median is not None for claim in claims)
+
+
+def test_the_sensor_of_the_head_gives_its_attitude() -> None:
+    """With defaults; the reference jumps now and then, so medians are far below the RMS."""
+    recorded("head")
+    metrics = ready_run(CONFIGS, "inrol_head.yaml").metrics
+    assert metrics["roll_rmse_deg"] < 2.0
+    assert metrics["pitch_rmse_deg"] < 2.0
+    assert metrics["heading_rmse_deg"] < 5.0
+    assert metrics["nees_mean"] < 3.0
+    assert metrics["position_rmse_m"] < 0.11
+    assert set(metrics["counts"]["imu"]) == {"fused"}
