@@ -14,6 +14,7 @@
 #include "shared_log.hpp"
 
 namespace py = pybind11;
+using locfuse::AirEstimate;
 using locfuse::LocalizeRun;
 using locfuse::Outcome;
 using locfuse::PoseEkf;
@@ -31,6 +32,21 @@ std::vector<PoseEstimate> estimates_of(const LocalizeRun& run) {
     estimates.push_back(step.estimate);
   }
   return estimates;
+}
+
+/// A part of each estimate in space, of that shape, where it has one.
+template <int... Shape, class Part>
+py::array_t<double> in_space(const RunLog& run, const Part& part) {
+  constexpr std::size_t kSize = (std::size_t{Shape} * ...);
+  std::vector<double> rows;
+  rows.reserve(kSize * run.in_space.size());
+  for (const AirEstimate& estimate : run.in_space) {
+    if (const double* values = part(estimate)) {
+      rows.insert(rows.end(), values, values + kSize);
+    }
+  }
+  const auto n = static_cast<py::ssize_t>(rows.size() / kSize);
+  return to_numpy(std::move(rows), {n, Shape...});
 }
 
 /// Binds the columns of health reports: `items_of` gives the rows of a run, `health_of` the report
@@ -161,41 +177,24 @@ void bind_replay(py::module_& m) {
       .def_property_readonly(
           "covariances_in_space",
           [](const RunLog& r) {
-            std::vector<double> rows;
-            rows.reserve(16 * r.in_space.size());
-            for (const locfuse::AirEstimate& e : r.in_space) {
-              rows.insert(rows.end(), e.covariance.data(), e.covariance.data() + 16);
-            }
-            return to_numpy(std::move(rows), {static_cast<py::ssize_t>(r.in_space.size()), 4, 4});
+            return in_space<4, 4>(r, [](const AirEstimate& e) { return e.covariance.data(); });
           },
           "Of (x, y, heading, height), (n, 4, 4); else empty.")
       .def_property_readonly(
           "orientations",
           [](const RunLog& r) {
-            std::vector<double> rows;
-            for (const locfuse::AirEstimate& e : r.in_space) {
-              if (e.attitude) {
-                rows.insert(rows.end(), e.attitude->quaternion.data(),
-                            e.attitude->quaternion.data() + 4);
-              }
-            }
-            const auto n = static_cast<py::ssize_t>(rows.size() / 4);
-            return to_numpy(std::move(rows), {n, 4});
+            return in_space<4>(r, [](const AirEstimate& e) {
+              return e.attitude ? e.attitude->quaternion.data() : nullptr;
+            });
           },
           "Unit quaternions (w, x, y, z) from body to world of an inertial AirEkf, (n, 4); else "
           "empty.")
       .def_property_readonly(
           "orientation_covariances",
           [](const RunLog& r) {
-            std::vector<double> rows;
-            for (const locfuse::AirEstimate& e : r.in_space) {
-              if (e.attitude) {
-                rows.insert(rows.end(), e.attitude->covariance.data(),
-                            e.attitude->covariance.data() + 9);
-              }
-            }
-            const auto n = static_cast<py::ssize_t>(rows.size() / 9);
-            return to_numpy(std::move(rows), {n, 3, 3});
+            return in_space<3, 3>(r, [](const AirEstimate& e) {
+              return e.attitude ? e.attitude->covariance.data() : nullptr;
+            });
           },
           "Of their errors, rotations about the axes of the world [rad^2], (n, 3, 3); else empty.")
       .def_property_readonly(
