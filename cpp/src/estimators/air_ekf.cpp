@@ -123,8 +123,8 @@ Slot add_height(GaussianBelief& belief, Slot body, const AirEstimate& start) {
                  scalar(P(3, 3) - J * shared), body);
 }
 
-/// What a measurement says of (x, y, heading, height), of (x, y, heading) or of the height, and its
-/// derivative with respect to a rotation of the body about the axes of the world.
+/// What a measurement says of (x, y, heading, height), of (x, y, heading) or of the height, and of
+/// an inertial body its derivative with respect to a rotation about the axes of the world.
 template <class Lin>
 struct Seen {
   Lin lin;
@@ -573,8 +573,7 @@ Outcome AirEkf::correct(Stamp stamp, const Gate& gate, const Noise& noise, const
 /// The arm by which a rotation moves a point. While nothing shows the heading it is that of one
 /// heading: of its changes by noise a filter would learn what none of them knows.
 Vector<3> AirEkf::jacobian_arm(const Vector<3>& arm) const {
-  return is_inertial() ? Vector<3>(rotation_by({0.0, 0.0, arm_heading_ - pose().heading}) * arm)
-                       : arm;
+  return rotation_by({0.0, 0.0, arm_heading_ - pose().heading}) * arm;
 }
 
 /// Of a tag, in the axes of the world.
@@ -590,15 +589,10 @@ std::optional<Linearization<1, 4>> AirEkf::look(const Vector<3>& place, const Ra
   if (!is_inertial() || !internal::has_tag(model.tags(), z.tag)) {
     return model.linearize({place.x(), place.y(), pose().heading}, place.z(), z);
   }
-  // A level body whose tag is where that of the tilted one is.
+  // A level body whose tag is where that of the tilted one is; its turn is another.
   const Vector<3> arm = arm_of(model.tags(), z.tag);
   const Vector<3> level = place + arm - attitude().transpose() * arm;
-  std::optional<Linearization<1, 4>> lin =
-      model.linearize({level.x(), level.y(), 0.0}, level.z(), z);
-  if (lin) {
-    lin->jacobian(2) = arm.x() * lin->jacobian(1) - arm.y() * lin->jacobian(0);
-  }
-  return lin;
+  return model.linearize({level.x(), level.y(), 0.0}, level.z(), z);
 }
 
 Outcome AirEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
@@ -632,12 +626,10 @@ Outcome AirEkf::correct_at(const Range& z, const Gate& gate, const Vector<3>* pl
         if (place != nullptr) {
           lin->residual(0) -= gradient.dot((position() - *place).transpose());
         }
-        Seen<Linearization<1, 4>> seen =
-            seen_at(*lin, jacobian_arm(arm_of(recipe_->range.tags(), z.tag)), gradient);
-        if (is_inertial()) {
-          seen.lin.jacobian(2) = seen.by_rotation(0, 2);
+        if (!is_inertial()) {
+          return Seen<Linearization<1, 4>>{*lin, {}};
         }
-        return seen;
+        return seen_at(*lin, jacobian_arm(arm_of(recipe_->range.tags(), z.tag)), gradient);
       },
       [&] { return internal::why_not(recipe_->range, z); });
 }
@@ -665,13 +657,12 @@ Outcome AirEkf::on(const PositionFix& z) {
         if (!lin) {
           return std::nullopt;
         }
-        Matrix<Eigen::Dynamic, 3> gradient = Matrix<Eigen::Dynamic, 3>(lin->jacobian);
-        gradient.col(2).setZero();
-        Seen<Lin> seen = seen_at(*lin, jacobian_arm(arm), gradient);
-        if (is_inertial()) {
-          seen.lin.jacobian.col(2) = seen.by_rotation.col(2);
+        if (!is_inertial()) {
+          return Seen<Lin>{*lin, {}};
         }
-        return seen;
+        auto gradient = lin->jacobian;
+        gradient.col(2).setZero();
+        return seen_at(*lin, jacobian_arm(arm), gradient);
       },
       [&] { return internal::why_not(recipe_->position, z); });
 }
@@ -684,12 +675,18 @@ Outcome AirEkf::on(const Altitude& z) {
   return correct(
       z.stamp, recipe_->altitude_gate, internal::kGaussian,
       [&] {
+        const auto look_from = [&](double height) {
+          return *internal::of_source(recipe_->config,
+                                      std::optional(recipe_->altitude.linearize(height, z)),
+                                      Source::kAltitudes);
+        };
+        if (!is_inertial()) {
+          return std::optional(Seen<Linearization<1, 1>>{look_from(height()), {}});
+        }
         const double up = recipe_->config.altitude.altimeter_up_m;
         const Vector<3> arm = up * attitude().col(2);
-        const auto lin = internal::of_source(
-            recipe_->config, std::optional(recipe_->altitude.linearize(height() + arm.z() - up, z)),
-            Source::kAltitudes);
-        return std::optional(seen_at(*lin, jacobian_arm(arm), Matrix<1, 3>(0.0, 0.0, 1.0)));
+        return std::optional(seen_at(look_from(height() + arm.z() - up), jacobian_arm(arm),
+                                     Matrix<1, 3>(0.0, 0.0, 1.0)));
       },
       [] { return Reason::kNone; });
 }
@@ -710,7 +707,11 @@ Outcome AirEkf::on(const PoseObservation& z) {
         if (!lin) {
           return std::nullopt;
         }
-        return Seen<Lin>{*lin, lin->jacobian.col(2) * heading_by_rotation()};
+        Seen<Lin> seen{*lin, {}};
+        if (is_inertial()) {
+          seen.by_rotation = lin->jacobian.col(2) * heading_by_rotation();
+        }
+        return seen;
       },
       [] { return Reason::kNoSigma; });
 }
@@ -731,28 +732,26 @@ Outcome AirEkf::on(const RangeBearing& z) {
         }
         before = pose().position();
         const Vector<3> place(landmark->position.x(), landmark->position.y(), landmark->height);
+        const auto named = [&](std::optional<Lin> lin) {
+          return internal::of_source(recipe_->config, std::move(lin), Source::kSightings,
+                                     landmark->id);
+        };
+        if (!is_inertial()) {
+          const auto lin = named(recipe_->landmark.linearize(pose(), height(), place, z));
+          return lin ? std::optional(Seen<Lin>{*lin, {}}) : std::nullopt;
+        }
+        // In its own axes: as if it were level, at the origin.
         const Matrix<3, 3> R = attitude();
         const Vector<3> d = place - position();
-        const RangeBearingModel& model = recipe_->landmark;
-        // Of an inertial body in its own axes: as if it were level, at the origin.
-        auto lin =
-            internal::of_source(recipe_->config,
-                                is_inertial() ? model.linearize(Pose2{}, 0.0, R.transpose() * d, z)
-                                              : model.linearize(pose(), height(), place, z),
-                                Source::kSightings, landmark->id);
+        const auto lin = named(recipe_->landmark.linearize(Pose2{}, 0.0, R.transpose() * d, z));
         if (!lin) {
           return std::nullopt;
         }
-        Seen<Lin> seen{*lin, {}};
-        seen.by_rotation.setZero(lin->residual.size(), 3);
-        if (is_inertial()) {
-          const std::array<int, 3> columns{0, 1, 3};
-          const Matrix<Eigen::Dynamic, 3> by_place =
-              Matrix<Eigen::Dynamic, 3>(lin->jacobian(Eigen::all, columns)) * R.transpose();
-          seen.by_rotation = -by_place * cross_matrix(d);
-          seen.lin.jacobian(Eigen::all, columns) = by_place;
-          seen.lin.jacobian.col(2) = seen.by_rotation.col(2);
-        }
+        const std::array<int, 3> columns{0, 1, 3};
+        const Matrix<Eigen::Dynamic, 3> by_place =
+            Matrix<Eigen::Dynamic, 3>(lin->jacobian(Eigen::all, columns)) * R.transpose();
+        Seen<Lin> seen{*lin, -by_place * cross_matrix(d)};
+        seen.lin.jacobian(Eigen::all, columns) = by_place;
         return seen;
       },
       [&] { return z.landmark ? internal::why_not(*recipe_->landmarks, z) : Reason::kUnnamed; });
