@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <iterator>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "bindings.hpp"
 #include "columns.hpp"
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/smoothing/smoother.hpp"
+#include "locfuse/smoothing/survey.hpp"
 #include "shared_log.hpp"
 
 namespace py = pybind11;
@@ -32,9 +36,14 @@ std::size_t odometry_at(const locfuse::MessageLog& log, const std::vector<bool>&
 
 Smoothed smooth(const locfuse::PoseEkf::Config& config, const locfuse::World& world,
                 const locfuse::PoseEstimate& start, SharedLog& log,
-                std::optional<locfuse::Stamp> used_until, double keyframe_s, int max_iterations) {
+                std::optional<locfuse::Stamp> used_until, double keyframe_s, int max_iterations,
+                std::vector<locfuse::UncertainPlace> anchors,
+                std::vector<locfuse::UncertainPlace> landmarks,
+                std::vector<locfuse::UncertainPlace> tags) {
   const Use use(log, Use::Kind::kRead);
-  const locfuse::SmootherConfig settings{config, keyframe_s, max_iterations};
+  const locfuse::SmootherConfig settings{
+      config,         keyframe_s, max_iterations, std::move(anchors), std::move(landmarks),
+      std::move(tags)};
   const py::gil_scoped_release release;
   std::vector<locfuse::Message> messages;
   std::vector<std::size_t> places;  // of them in the log
@@ -69,6 +78,31 @@ Smoothed smooth(const locfuse::PoseEkf::Config& config, const locfuse::World& wo
   return found;
 }
 
+locfuse::Survey survey(const locfuse::PoseEkf::Config& config, const locfuse::World& world,
+                       const locfuse::PoseEstimate& start, SharedLog& log,
+                       std::vector<locfuse::KnownHeight> heights,
+                       std::vector<locfuse::UncertainPlace> tags,
+                       const std::optional<locfuse::SurveyProgress>& progress) {
+  const Use use(log, Use::Kind::kRead);
+  locfuse::SurveyConfig settings;
+  settings.smoother.estimator = config;
+  settings.smoother.tags = std::move(tags);
+  settings.heights = std::move(heights);
+  locfuse::SurveyProgress report;
+  if (progress) {
+    report = [&](double share) {
+      const py::gil_scoped_acquire acquire;
+      (*progress)(share);
+    };
+  }
+  const py::gil_scoped_release release;
+  std::vector<locfuse::Message> messages;
+  messages.reserve(log.log.arrivals().size());
+  std::transform(log.log.arrivals().begin(), log.log.arrivals().end(), std::back_inserter(messages),
+                 [](const auto& arrival) { return arrival.message; });
+  return locfuse::survey(settings, world, start, messages, report);
+}
+
 /// The run of a filter with what the smoother says in place of its estimates and outcomes.
 locfuse::RunLog in_place_of(const Smoothed& smoothed, locfuse::RunLog run) {
   run.outcomes = smoothed.outcomes;
@@ -78,14 +112,134 @@ locfuse::RunLog in_place_of(const Smoothed& smoothed, locfuse::RunLog run) {
   return run;
 }
 
+void bind_places(py::module_& m) {
+  using locfuse::UncertainPlace;
+  py::class_<UncertainPlace>(
+      m, "UncertainPlace",
+      "A place that is found together with the poses; the world has the guess to start from.")
+      .def(py::init([](locfuse::Id id, const locfuse::Vector<3>& mean,
+                       const locfuse::Vector<3>& sigma_m, double guess_sigma_m) {
+             return UncertainPlace{id, mean, sigma_m, guess_sigma_m};
+           }),
+           py::arg("id"), py::arg("mean"), py::arg("sigma_m"), py::arg("guess_sigma_m") = 0.0,
+           R"(Create the place of an anchor, a landmark or a tag.
+
+Parameters
+----------
+id : int
+    Of the anchor, landmark or tag, as in the world.
+mean : array_like, shape (3,)
+    What is known of it before anything is measured: in world [m], of a tag in body.
+sigma_m : array_like, shape (3,)
+    Standard deviation of that, per axis; 0: the world is right. Of landmarks and tags the third is
+    not used.
+guess_sigma_m : float
+    How far off the world's place may be, for the first guess of the poses.
+)")
+      .def_readonly("id", &UncertainPlace::id)
+      .def_readonly("mean", &UncertainPlace::mean)
+      .def_readonly("sigma_m", &UncertainPlace::sigma_m)
+      .def_readonly("guess_sigma_m", &UncertainPlace::guess_sigma_m);
+}
+
+void bind_survey(py::module_& m) {
+  using locfuse::KnownHeight;
+  using locfuse::Survey;
+  using locfuse::SurveyedAnchor;
+  using locfuse::SurveyStatus;
+  py::enum_<SurveyStatus>(m, "SurveyStatus", "How well the place of a surveyed anchor is known.")
+      .value("PLACED", SurveyStatus::kPlaced, "one place fits")
+      .value("TWO_PLACES", SurveyStatus::kTwoPlaces, "its mirror image fits as well")
+      .value("NOT_PLACED", SurveyStatus::kNotPlaced, "its ranges leave a whole curve");
+  py::class_<KnownHeight>(m, "KnownHeight", "The height of an anchor, where it is known.")
+      .def(py::init([](locfuse::Id anchor, double height_m, double sigma_m) {
+             return KnownHeight{anchor, height_m, sigma_m};
+           }),
+           py::arg("anchor"), py::arg("height_m"), py::arg("sigma_m") = 0.0,
+           "Height in world [m]; a sigma of 0: it is exact.")
+      .def_readonly("anchor", &KnownHeight::anchor)
+      .def_readonly("height_m", &KnownHeight::height_m)
+      .def_readonly("sigma_m", &KnownHeight::sigma_m);
+  py::class_<SurveyedAnchor>(m, "SurveyedAnchor", "An anchor that ranges name.")
+      .def_readonly("anchor", &SurveyedAnchor::anchor,
+                    "In the frame of the start; its place means nothing if it is NOT_PLACED.")
+      .def_readonly("covariance", &SurveyedAnchor::covariance, "Of its place, 3x3 [m^2].")
+      .def_readonly("status", &SurveyedAnchor::status)
+      .def_readonly("ranges", &SurveyedAnchor::ranges, "To it, from the start on.")
+      .def_readonly("rejected", &SurveyedAnchor::rejected, "Of those, that are judged wrong.")
+      .def_readonly("other", &SurveyedAnchor::other, "Of TWO_PLACES the other one.");
+  py::class_<Survey>(m, "Survey", "Where anchors and landmarks are.")
+      .def_readonly("smoothed", &Survey::smoothed, "The drive, among what is placed.")
+      .def_readonly("anchors", &Survey::anchors, "A SurveyedAnchor each, by id.")
+      .def("__repr__", [](const Survey& s) {
+        return "Survey(" + std::to_string(s.anchors.size()) + " anchors)";
+      });
+  m.def("survey", &survey, py::arg("config"), py::arg("world"), py::arg("start"), py::arg("log"),
+        py::arg("heights") = std::vector<KnownHeight>{},
+        py::arg("tags") = std::vector<locfuse::UncertainPlace>{}, py::arg("progress") = py::none(),
+        R"(Find where anchors and landmarks are from one drive among them (docs/survey.md).
+
+Parameters
+----------
+config : PoseEkfConfig
+    Models, gates and noise; its calibration says how large offsets and scales of anchors may be.
+world : World
+    Tags; of the anchors that it has offset and scale are used, not the places.
+start : PoseEstimate
+    The frame of the result.
+log : MessageLog
+    Ranges and odometry; sightings by name, positions and poses as far as there are.
+heights : list of KnownHeight
+    Anchors without one are found in space, above the tags.
+tags : list of UncertainPlace
+    Of the world's those whose places on the body are found, too.
+progress : callable, optional
+    Called with the share that is done, 0 to 1.
+
+Returns
+-------
+Survey
+
+Raises
+------
+ValueError
+    If the config is out of range, or no range and no sighting names anything.
+NumericalError
+    If the solver fails.
+
+Examples
+--------
+>>> import numpy as np
+>>> from locfuse.core import *
+>>> log, angle = MessageLog(), np.linspace(0.0, 6.0, 61)
+>>> stamp = (angle * 1e9).astype(np.int64)
+>>> at = np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])  # a circle from the origin
+>>> log.add_velocities(stamp, np.ones(61), np.ones(61))
+>>> log.add_ranges(stamp, np.zeros(61, np.int32), np.zeros(61, np.int32),
+...                np.hypot(*(at - [4.0, 3.0]).T), np.full(61, 0.1))
+>>> start = PoseEstimate(0, Pose2(0, 0, 0), 1e-6 * np.eye(3))
+>>> world = World(tags=[Tag(0, [0.0, 0.0, 0.0])])
+>>> found = survey(PoseEkfConfig(), world, start, log, [KnownHeight(0, 0.0)])
+>>> found.anchors[0].status.name, np.round(found.anchors[0].anchor.position, 1).tolist()
+('PLACED', [4.0, 3.0, 0.0])
+)");
+}
+
 }  // namespace
 
 void bind_smoothing(py::module_& m) {
+  bind_places(m);
   py::class_<Smoothed> bound(m, "Smoothed", "What all messages of a log together say.");
   bind_outcome_columns(bound);
   bind_estimate_columns(
       bound, [](const Smoothed& s) -> const auto& { return s.poses; });
-  bound.def_readonly("errors", &Smoothed::errors, "A CalibratedError per offset of an anchor.")
+  bound.def_readonly("errors", &Smoothed::errors, "A CalibratedError per offset, per scale.")
+      .def_readonly("anchors", &Smoothed::anchors, "Those of the world, where they were found.")
+      .def_readonly("landmarks", &Smoothed::landmarks, "The same of landmarks.")
+      .def_readonly("tags", &Smoothed::tags, "The same of tags.")
+      .def_readonly("places_covariance", &Smoothed::places_covariance,
+                    "Of (x, y, z) of each anchor, (x, y) of each landmark and (forward, left) of "
+                    "each tag [m^2].")
       .def_readonly("initial_cost", &Smoothed::initial_cost)
       .def_readonly("cost", &Smoothed::cost, "Half the sum of squared residuals in sigmas.")
       .def_readonly("iterations", &Smoothed::iterations)
@@ -101,6 +255,9 @@ void bind_smoothing(py::module_& m) {
         py::arg("used_until") = py::none(),
         py::arg("keyframe_s") = locfuse::SmootherConfig{}.keyframe_s,
         py::arg("max_iterations") = locfuse::SmootherConfig{}.max_iterations,
+        py::arg("anchors") = std::vector<locfuse::UncertainPlace>{},
+        py::arg("landmarks") = std::vector<locfuse::UncertainPlace>{},
+        py::arg("tags") = std::vector<locfuse::UncertainPlace>{},
         R"(Find all poses of a log at once, by all of its messages (docs/smoothing.md).
 
 Parameters
@@ -116,6 +273,8 @@ keyframe_s : float
     Without measurements there is a pose at least so often [s].
 max_iterations : int
     Of the solver, each time it is called.
+anchors, landmarks, tags : list of UncertainPlace
+    Of the world's those whose places are found, too.
 
 Returns
 -------
@@ -141,4 +300,5 @@ Examples
 >>> bool(batch.poses[0, 0] > 0.0 and batch.poses[-1, 0] > 2.0)
 True
 )");
+  bind_survey(m);
 }

@@ -63,6 +63,7 @@ __all__: list[str] = [
     "InitializerConfig",
     "Injection",
     "InjectionReason",
+    "KnownHeight",
     "KnownLandmark",
     "Landmark",
     "LandmarkEkf",
@@ -160,6 +161,9 @@ __all__: list[str] = [
     "StartState",
     "StartStatus",
     "StartStep",
+    "Survey",
+    "SurveyStatus",
+    "SurveyedAnchor",
     "SwitchingMcl",
     "SwitchingMclConfig",
     "Tag",
@@ -170,6 +174,7 @@ __all__: list[str] = [
     "TagTriangleEkf",
     "TagTriangleEkfConfig",
     "TagVerdict",
+    "UncertainPlace",
     "Velocity",
     "VelocityConfig",
     "VelocityModel",
@@ -194,6 +199,7 @@ __all__: list[str] = [
     "replay",
     "rigid_fit",
     "smooth",
+    "survey",
     "tag_order",
     "update",
     "wrap_angle",
@@ -6751,6 +6757,41 @@ class LocalizeRun:
         Probability that the pose is wrong, (k,).
         """
 
+class UncertainPlace:
+    """
+    A place that is found together with the poses; the world has the guess to start from.
+    """
+    def __init__(
+        self,
+        id: typing.SupportsInt | typing.SupportsIndex,
+        mean: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+        sigma_m: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"],
+        guess_sigma_m: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> None:
+        """
+        Create the place of an anchor, a landmark or a tag.
+
+        Parameters
+        ----------
+        id : int
+            Of the anchor, landmark or tag, as in the world.
+        mean : array_like, shape (3,)
+            What is known of it before anything is measured: in world [m], of a tag in body.
+        sigma_m : array_like, shape (3,)
+            Standard deviation of that, per axis; 0: the world is right. Of landmarks and tags the third is
+            not used.
+        guess_sigma_m : float
+            How far off the world's place may be, for the first guess of the poses.
+        """
+    @property
+    def guess_sigma_m(self) -> float: ...
+    @property
+    def id(self) -> int: ...
+    @property
+    def mean(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]: ...
+    @property
+    def sigma_m(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]: ...
+
 class Smoothed:
     """
     What all messages of a log together say.
@@ -6759,6 +6800,11 @@ class Smoothed:
     def in_place_of(self, run: RunLog) -> RunLog:
         """
         RunLog of a filter with these estimates and outcomes instead of its own.
+        """
+    @property
+    def anchors(self) -> list[Anchor]:
+        """
+        Those of the world, where they were found.
         """
     @property
     def converged(self) -> bool: ...
@@ -6777,12 +6823,17 @@ class Smoothed:
     @property
     def errors(self) -> list[CalibratedError]:
         """
-        A CalibratedError per offset of an anchor.
+        A CalibratedError per offset, per scale.
         """
     @property
     def initial_cost(self) -> float: ...
     @property
     def iterations(self) -> int: ...
+    @property
+    def landmarks(self) -> list[Landmark]:
+        """
+        The same of landmarks.
+        """
     @property
     def limit(self) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -6792,6 +6843,11 @@ class Smoothed:
     def log_likelihood(self) -> numpy.typing.NDArray[numpy.float64]: ...
     @property
     def nis(self) -> numpy.typing.NDArray[numpy.float64]: ...
+    @property
+    def places_covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
+        """
+        Of (x, y, z) of each anchor, (x, y) of each landmark and (forward, left) of each tag [m^2].
+        """
     @property
     def poses(self) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -6810,6 +6866,11 @@ class Smoothed:
         Stamps of the estimates, (n,).
         """
     @property
+    def tags(self) -> list[Tag]:
+        """
+        The same of tags.
+        """
+    @property
     def termination(self) -> str:
         """
         What the solver said last.
@@ -6818,6 +6879,112 @@ class Smoothed:
     def verdict(self) -> numpy.typing.NDArray[numpy.uint8]:
         """
         Index into Verdict, one per message in order of arrival.
+        """
+
+class SurveyStatus:
+    """
+    How well the place of a surveyed anchor is known.
+
+    Members:
+
+      PLACED : one place fits
+
+      TWO_PLACES : its mirror image fits as well
+
+      NOT_PLACED : its ranges leave a whole curve
+    """
+
+    NOT_PLACED = ...
+    PLACED = ...
+    TWO_PLACES = ...
+    __members__: typing.ClassVar[dict[str, SurveyStatus]]
+    @typing.overload
+    def __eq__(self, other: SurveyStatus) -> bool: ...
+    @typing.overload
+    def __eq__(self, other: typing.Any) -> bool: ...
+    def __getstate__(self) -> int: ...
+    def __hash__(self) -> int: ...
+    def __index__(self) -> int: ...
+    def __init__(self, value: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    def __int__(self) -> int: ...
+    @typing.overload
+    def __ne__(self, other: SurveyStatus) -> bool: ...
+    @typing.overload
+    def __ne__(self, other: typing.Any) -> bool: ...
+    def __repr__(self) -> str: ...
+    def __setstate__(self, state: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    def __str__(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def value(self) -> int: ...
+
+class KnownHeight:
+    """
+    The height of an anchor, where it is known.
+    """
+    def __init__(
+        self,
+        anchor: typing.SupportsInt | typing.SupportsIndex,
+        height_m: typing.SupportsFloat | typing.SupportsIndex,
+        sigma_m: typing.SupportsFloat | typing.SupportsIndex = 0.0,
+    ) -> None:
+        """
+        Height in world [m]; a sigma of 0: it is exact.
+        """
+    @property
+    def anchor(self) -> int: ...
+    @property
+    def height_m(self) -> float: ...
+    @property
+    def sigma_m(self) -> float: ...
+
+class SurveyedAnchor:
+    """
+    An anchor that ranges name.
+    """
+    @property
+    def anchor(self) -> Anchor:
+        """
+        In the frame of the start; its place means nothing if it is NOT_PLACED.
+        """
+    @property
+    def covariance(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]:
+        """
+        Of its place, 3x3 [m^2].
+        """
+    @property
+    def other(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"] | None:
+        """
+        Of TWO_PLACES the other one.
+        """
+    @property
+    def ranges(self) -> int:
+        """
+        To it, from the start on.
+        """
+    @property
+    def rejected(self) -> int:
+        """
+        Of those, that are judged wrong.
+        """
+    @property
+    def status(self) -> SurveyStatus: ...
+
+class Survey:
+    """
+    Where anchors and landmarks are.
+    """
+    def __repr__(self) -> str: ...
+    @property
+    def anchors(self) -> list[SurveyedAnchor]:
+        """
+        A SurveyedAnchor each, by id.
+        """
+    @property
+    def smoothed(self) -> Smoothed:
+        """
+        The drive, among what is placed.
         """
 
 def arc(
@@ -7285,6 +7452,9 @@ def smooth(
     used_until: typing.SupportsInt | typing.SupportsIndex | None = None,
     keyframe_s: typing.SupportsFloat | typing.SupportsIndex = 0.2,
     max_iterations: typing.SupportsInt | typing.SupportsIndex = 100,
+    anchors: collections.abc.Sequence[UncertainPlace] = [],
+    landmarks: collections.abc.Sequence[UncertainPlace] = [],
+    tags: collections.abc.Sequence[UncertainPlace] = [],
 ) -> Smoothed:
     """
     Find all poses of a log at once, by all of its messages (docs/smoothing.md).
@@ -7302,6 +7472,8 @@ def smooth(
         Without measurements there is a pose at least so often [s].
     max_iterations : int
         Of the solver, each time it is called.
+    anchors, landmarks, tags : list of UncertainPlace
+        Of the world's those whose places are found, too.
 
     Returns
     -------
@@ -7326,6 +7498,63 @@ def smooth(
     >>> batch = smooth(PoseEkfConfig(), World(), start, log)
     >>> bool(batch.poses[0, 0] > 0.0 and batch.poses[-1, 0] > 2.0)
     True
+    """
+
+def survey(
+    config: PoseEkfConfig,
+    world: World,
+    start: PoseEstimate,
+    log: MessageLog,
+    heights: collections.abc.Sequence[KnownHeight] = [],
+    tags: collections.abc.Sequence[UncertainPlace] = [],
+    progress: collections.abc.Callable[[float], None] | None = None,
+) -> Survey:
+    """
+    Find where anchors and landmarks are from one drive among them (docs/survey.md).
+
+    Parameters
+    ----------
+    config : PoseEkfConfig
+        Models, gates and noise; its calibration says how large offsets and scales of anchors may be.
+    world : World
+        Tags; of the anchors that it has offset and scale are used, not the places.
+    start : PoseEstimate
+        The frame of the result.
+    log : MessageLog
+        Ranges and odometry; sightings by name, positions and poses as far as there are.
+    heights : list of KnownHeight
+        Anchors without one are found in space, above the tags.
+    tags : list of UncertainPlace
+        Of the world's those whose places on the body are found, too.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Survey
+
+    Raises
+    ------
+    ValueError
+        If the config is out of range, or no range and no sighting names anything.
+    NumericalError
+        If the solver fails.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from locfuse.core import *
+    >>> log, angle = MessageLog(), np.linspace(0.0, 6.0, 61)
+    >>> stamp = (angle * 1e9).astype(np.int64)
+    >>> at = np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])  # a circle from the origin
+    >>> log.add_velocities(stamp, np.ones(61), np.ones(61))
+    >>> log.add_ranges(stamp, np.zeros(61, np.int32), np.zeros(61, np.int32),
+    ...                np.hypot(*(at - [4.0, 3.0]).T), np.full(61, 0.1))
+    >>> start = PoseEstimate(0, Pose2(0, 0, 0), 1e-6 * np.eye(3))
+    >>> world = World(tags=[Tag(0, [0.0, 0.0, 0.0])])
+    >>> found = survey(PoseEkfConfig(), world, start, log, [KnownHeight(0, 0.0)])
+    >>> found.anchors[0].status.name, np.round(found.anchors[0].anchor.position, 1).tolist()
+    ('PLACED', [4.0, 3.0, 0.0])
     """
 
 def tag_order(

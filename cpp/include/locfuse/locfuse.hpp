@@ -46,4 +46,5 @@
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/replay/start.hpp"
 #include "locfuse/smoothing/smoother.hpp"
+#include "locfuse/smoothing/survey.hpp"
 #include "locfuse/time.hpp"

@@ -59,9 +59,11 @@ ChainInformation::ChainInformation(std::vector<double> seconds, std::size_t glob
 
 void ChainInformation::add(const MeasuredRow& row) {
   poses_[row.pose] += row.by_pose * row.by_pose.transpose();
-  if (row.global >= 0) {
-    border_[row.pose].col(row.global) += row.by_global * row.by_pose;
-    globals_(row.global, row.global) += row.by_global * row.by_global;
+  for (std::size_t i = 0; i < row.shared.size() && row.shared[i] >= 0; ++i) {
+    border_[row.pose].col(row.shared[i]) += row.by_shared[i] * row.by_pose;
+    for (std::size_t j = 0; j < row.shared.size() && row.shared[j] >= 0; ++j) {
+      globals_(row.shared[i], row.shared[j]) += row.by_shared[i] * row.by_shared[j];
+    }
   }
   rows_.push_back(row);
 }
@@ -182,7 +184,7 @@ void ChainInformation::add_globals(const std::vector<Pivot>& pivots, ChainCovari
   }
   const Eigen::LLT<Eigen::MatrixXd> factor(schur);
   if (factor.info() != Eigen::Success) {
-    throw NumericalError("offsets of anchors are not determined");
+    throw NumericalError("what all poses share is not determined: offsets or places");
   }
   const Eigen::MatrixXd S = factor.solve(Eigen::MatrixXd::Identity(schur.rows(), schur.cols()));
   // Of each row: how it moves the shared variables, before S.
@@ -190,8 +192,8 @@ void ChainInformation::add_globals(const std::vector<Pivot>& pivots, ChainCovari
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const auto place = static_cast<Eigen::Index>(i);
     g.row(place) = -rows_[i].by_pose.transpose() * W[rows_[i].pose];
-    if (rows_[i].global >= 0) {
-      g(place, rows_[i].global) += rows_[i].by_global;
+    for (std::size_t j = 0; j < rows_[i].shared.size() && rows_[i].shared[j] >= 0; ++j) {
+      g(place, rows_[i].shared[j]) += rows_[i].by_shared[j];
     }
   }
   const Eigen::MatrixXd excess = excess_of(g);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "locfuse/math/types.hpp"
+#include "smoothing/pose_chain.hpp"
 
 namespace locfuse::internal {
 
@@ -22,9 +23,9 @@ struct ChainCovariance {
 struct MeasuredRow {
   std::size_t pose;
   Vector<3> by_pose;
-  int global;  ///< the shared variable that adds to it, or -1
-  double by_global;
-  double variance;  ///< of its error, over the stated one
+  SharedPlaces shared = kNothingShared;  ///< the shared variables that add to it
+  std::array<double, kMaxShared> by_shared = {};
+  double variance = 1.0;  ///< of its error, over the stated one
   struct Lasting {
     int process = -1;      ///< as of add_process, or none
     double loading = 0.0;  ///< what the row has of it, which has a variance of 1

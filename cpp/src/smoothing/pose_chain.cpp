@@ -50,15 +50,92 @@ struct Models {
   Stamp hold;
 };
 
-template <class Linearize>
-auto rows_of(const Linearize& linearize) {
-  return [linearize](const Pose2& pose) -> std::optional<Measurement::Rows> {
-    const auto lin = linearize(pose);
-    if (!lin) {
-      return std::nullopt;
+using Values = Measurement::Values;
+
+template <class Lin>
+std::optional<MeasuredRows> rows_of(const std::optional<Lin>& lin) {
+  if (!lin) {
+    return std::nullopt;
+  }
+  MeasuredRows rows;
+  rows.by_pose = {lin->residual, lin->jacobian.template leftCols<3>(), lin->noise};
+  rows.by_shared.setZero(lin->residual.size(), kMaxShared);
+  return rows;
+}
+
+/// Of a range's variables the place in the list of those that it has, or -1.
+struct RangeVariables {
+  SharedPlaces places = kNothingShared;  ///< by RangeVariable
+  SharedPlaces listed = kNothingShared;  ///< in the chain
+  Anchor anchor;                         ///< as the map has them
+  Vector<3> tag = Vector<3>::Zero();
+
+  RangeVariables(const Anchor& of_anchor, const SharedPlaces& radio, const Tag& of_tag,
+                 const SharedPlaces& arm)
+      : anchor(of_anchor), tag(of_tag.position) {
+    int count = 0;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      const int variable = i == kForward ? arm[0] : i == kLeft ? arm[1] : radio[i];
+      if (variable >= 0) {
+        listed[static_cast<std::size_t>(count)] = variable;
+        places[i] = count++;
+      }
     }
-    return Measurement::Rows{lin->residual, lin->jacobian, lin->noise};
-  };
+  }
+  [[nodiscard]] bool has(RangeVariable one) const { return places[one] >= 0; }
+  [[nodiscard]] bool is_exact() const { return listed[0] < 0; }
+  [[nodiscard]] double value(RangeVariable one, const Values& values, double otherwise) const {
+    return has(one) ? values[static_cast<std::size_t>(places[one])] : otherwise;
+  }
+
+  [[nodiscard]] std::optional<MeasuredRows> linearize(const RangeModel& model, const Pose2& pose,
+                                                      const Range& z, const Values& values) const {
+    const double offset = value(kOffset, values, 0.0);
+    const double scale = value(kScale, values, 0.0);
+    const Anchor at{anchor.id,
+                    {value(kX, values, anchor.position.x()), value(kY, values, anchor.position.y()),
+                     value(kZ, values, anchor.position.z())},
+                    anchor.offset + offset,
+                    anchor.scale + scale};
+    const Vector<3> arm(value(kForward, values, tag.x()), value(kLeft, values, tag.y()), tag.z());
+    const auto lin = model.linearize_with_places(pose, z, at, arm);
+    auto rows = rows_of(lin);
+    if (!rows) {
+      return rows;
+    }
+    const auto put = [&](RangeVariable one, double derivative) {
+      if (has(one)) {
+        rows->by_shared(0, places[one]) = derivative;
+      }
+    };
+    put(kX, lin->jacobian(3));
+    put(kY, lin->jacobian(4));
+    put(kZ, lin->jacobian(5));
+    put(kForward, lin->jacobian(6));
+    put(kLeft, lin->jacobian(7));
+    put(kOffset, 1.0);
+    put(kScale, (z.range - lin->residual(0) - at.offset) / at.scale);
+    return rows;
+  }
+};
+
+/// A list of uncertain places by id, each of which the map has.
+template <class Map>
+std::vector<const UncertainPlace*> places_of(const char* what, const Map& known,
+                                             const std::vector<UncertainPlace>& uncertain) {
+  std::vector<const UncertainPlace*> found(known.size(), nullptr);
+  for (const UncertainPlace& place : uncertain) {
+    const auto at = std::find_if(known.begin(), known.end(),
+                                 [&](const auto& one) { return one.id == place.id; });
+    if (at == known.end() || !place.mean.allFinite() || !place.sigma_m.allFinite() ||
+        !(place.sigma_m.minCoeff() >= 0.0) || !(place.guess_sigma_m >= 0.0)) {
+      throw std::invalid_argument(std::string(what) + " " + std::to_string(place.id) +
+                                  " is not in the world, or its mean or sigmas are not finite "
+                                  "numbers, sigmas >= 0");
+    }
+    found[static_cast<std::size_t>(at - known.begin())] = &place;
+  }
+  return found;
 }
 
 double dof_of(NoiseKind kind, const PoseEkf::Config& config) {
@@ -77,13 +154,33 @@ class Builder {
     chain_.stamps.push_back(start.stamp);
     chain_.guess.push_back(start.pose);
     segment_ = {{}, Matrix<3, 3>::Zero()};
-    const Calibration::Config& offsets = config.estimator.calibration;
-    if (offsets.anchor_offset_correlation_s > 0.0) {  // noise that lasts, not a variable
-      wandering_ = offsets.sigma_anchor_offset_m * offsets.sigma_anchor_offset_m;
-    } else if (offsets.sigma_anchor_offset_m > 0.0) {
-      for (const Anchor& anchor : models_->range.anchors().anchors()) {
-        chain_.anchors.push_back(anchor.id);
-      }
+    const Calibration::Config& errors = config.estimator.calibration;
+    if (errors.anchor_offset_correlation_s > 0.0) {  // noise that lasts, not a variable
+      wandering_ = errors.sigma_anchor_offset_m * errors.sigma_anchor_offset_m;
+    }
+    const double sigma_offset =
+        errors.anchor_offset_correlation_s > 0.0 ? 0.0 : errors.sigma_anchor_offset_m;
+    const std::vector<Anchor>& anchors = models_->range.anchors().anchors();
+    anchor_places_ = places_of("anchor", anchors, config.anchors);
+    for (std::size_t i = 0; i < anchors.size(); ++i) {
+      SharedPlaces radio = kNothingShared;
+      share(anchor_places_[i], anchors[i].position, 3, radio);
+      radio[kOffset] = share({0.0, 0.0, sigma_offset});
+      radio[kScale] = share({0.0, 0.0, errors.sigma_anchor_scale});
+      chain_.radios.push_back(radio);
+    }
+    const std::vector<Tag>& tags = models_->range.tags();
+    const auto tag_places = places_of("tag", tags, config.tags);
+    for (std::size_t i = 0; i < tags.size(); ++i) {
+      chain_.tags.push_back(kNothingShared);
+      share(tag_places[i], tags[i].position, 2, chain_.tags.back());
+    }
+    const std::vector<Landmark>& landmarks = models_->landmarks->landmarks();
+    landmark_places_ = places_of("landmark", landmarks, config.landmarks);
+    for (std::size_t i = 0; i < landmarks.size(); ++i) {
+      chain_.landmarks.push_back(kNothingShared);
+      const Vector<2>& at = landmarks[i].position;
+      share(landmark_places_[i], {at.x(), at.y(), 0.0}, 2, chain_.landmarks.back());
     }
   }
 
@@ -96,31 +193,48 @@ class Builder {
     return outcome;
   }
   Outcome on(const Range& z, std::size_t message) {
-    const auto found = std::find(chain_.anchors.begin(), chain_.anchors.end(), z.anchor);
-    const int offset =
-        found == chain_.anchors.end() ? -1 : static_cast<int>(found - chain_.anchors.begin());
-    return measure(z, message, Source::kRanges, z.anchor, models_->range_gate,
-                   models_->estimator.range.noise, offset,
-                   rows_of([models = models_, z, more = wandering_](const Pose2& pose) {
-                     auto lin = models->range.linearize(pose, z);
-                     if (lin) {
-                       lin->noise(0) += more;
-                     }
-                     return lin;
-                   }));
+    const std::vector<Anchor>& anchors = models_->range.anchors().anchors();
+    const std::vector<Tag>& tags = models_->range.tags();
+    const std::size_t anchor = place_in(anchors, z.anchor);
+    const std::size_t tag = place_in(tags, z.tag);
+    Measurement made{message, 0, Source::kRanges, z.anchor};
+    if (anchor == anchors.size() || tag == tags.size()) {
+      made.linearize = [](const Pose2&, const Values&) { return std::nullopt; };
+      return measure(z, z, std::move(made), models_->range_gate, models_->estimator.range.noise);
+    }
+    const RangeVariables variables(anchors[anchor], chain_.radios[anchor], tags[tag],
+                                   chain_.tags[tag]);
+    made.shared = variables.listed;
+    made.linearize = [models = models_, z, variables, more = wandering_](const Pose2& pose,
+                                                                         const Values& values) {
+      auto rows = variables.is_exact() ? rows_of(models->range.linearize(pose, z))
+                                       : variables.linearize(models->range, pose, z, values);
+      if (rows) {
+        rows->by_pose.noise(0) += more;
+      }
+      return rows;
+    };
+    Range first = z;  // for the guess
+    if (const double off = guess_sigma(anchor_places_[anchor]); off > 0.0) {
+      const double sigma = z.sigma.value_or(models_->estimator.range.sigma_m);
+      first.sigma = std::hypot(sigma, off);
+    }
+    return measure(z, first, std::move(made), models_->range_gate, models_->estimator.range.noise);
   }
   Outcome on(const PositionFix& z, std::size_t message) {
-    return measure(z, message, Source::kPositions, 0, models_->position_gate,
-                   models_->estimator.position.noise, -1,
-                   rows_of([models = models_, z](const Pose2& pose) {
-                     return models->position.linearize(pose, z);
-                   }));
+    Measurement made{message, 0, Source::kPositions, 0};
+    made.linearize = [models = models_, z](const Pose2& pose, const Values& /*values*/) {
+      return rows_of(models->position.linearize(pose, z));
+    };
+    return measure(z, z, std::move(made), models_->position_gate,
+                   models_->estimator.position.noise);
   }
   Outcome on(const PoseObservation& z, std::size_t message) {
-    return measure(z, message, Source::kPoses, 0, models_->pose_gate, models_->estimator.pose.noise,
-                   -1, rows_of([models = models_, z](const Pose2& pose) {
-                     return models->pose.linearize(pose, z);
-                   }));
+    Measurement made{message, 0, Source::kPoses, 0};
+    made.linearize = [models = models_, z](const Pose2& pose, const Values& /*values*/) {
+      return rows_of(models->pose.linearize(pose, z));
+    };
+    return measure(z, z, std::move(made), models_->pose_gate, models_->estimator.pose.noise);
   }
   Outcome on(const RangeBearing& z, std::size_t message) {
     validate(z);
@@ -131,11 +245,31 @@ class Builder {
     if (landmark == nullptr) {
       return {Verdict::kNotModelled, Reason::kUnknownLandmark};
     }
-    return measure(z, message, Source::kSightings, *z.landmark, models_->landmark_gate,
-                   NoiseKind::kGaussian, -1,
-                   rows_of([models = models_, z, at = landmark->position](const Pose2& pose) {
-                     return models->landmark.linearize(pose, at, z);
-                   }));
+    const std::size_t place = place_in(models_->landmarks->landmarks(), *z.landmark);
+    Measurement made{message, 0, Source::kSightings, *z.landmark};
+    made.shared = chain_.landmarks[place];
+    RangeBearing first = z;  // for the guess
+    if (made.shared[0] < 0) {
+      made.linearize = [models = models_, z, at = landmark->position](const Pose2& pose,
+                                                                      const Values& /*values*/) {
+        return rows_of(models->landmark.linearize(pose, at, z));
+      };
+    } else {
+      made.linearize = [models = models_, z](const Pose2& pose, const Values& values) {
+        const auto lin = models->landmark.linearize_with_landmark(pose, {values[0], values[1]}, z);
+        auto rows = rows_of(lin);
+        if (rows) {
+          rows->by_shared.leftCols<2>() = lin->jacobian.rightCols<2>();
+        }
+        return rows;
+      };
+      const double off = guess_sigma(landmark_places_[place]);
+      Matrix<2, 2> more = models_->landmark.noise(z);
+      more(0, 0) += off * off;
+      more(1, 1) += off * off / std::max(z.range.value_or(1.0) * z.range.value_or(1.0), 1e-2);
+      first.covariance = more;
+    }
+    return measure(z, first, std::move(made), models_->landmark_gate, NoiseKind::kGaussian);
   }
   Outcome on(const Altitude& z, std::size_t /*message*/) { return ignored(z); }
   Outcome on(const Heading& z, std::size_t /*message*/) { return ignored(z); }
@@ -205,9 +339,33 @@ class Builder {
   [[nodiscard]] static Reason why(const PoseObservation& /*z*/) { return Reason::kNoSigma; }
   [[nodiscard]] Reason why(const RangeBearing& z) const { return why_not(*models_->landmarks, z); }
 
-  template <class M, class Linearize>
-  Outcome measure(const M& z, std::size_t message, Source source, Id id, const Gate& gate,
-                  NoiseKind kind, int offset, Linearize linearize) {
+  /// A new variable unless its sigma is 0; its number, or -1.
+  int share(const SharedVariable& variable) {
+    if (!(variable.sigma > 0.0)) {
+      return -1;
+    }
+    chain_.shared.push_back(variable);
+    return static_cast<int>(chain_.shared.size()) - 1;
+  }
+  void share(const UncertainPlace* place, const Vector<3>& guess, int axes, SharedPlaces& places) {
+    for (int axis = 0; place != nullptr && axis < axes; ++axis) {
+      places[static_cast<std::size_t>(axis)] =
+          share({guess(axis), place->mean(axis), place->sigma_m(axis)});
+    }
+  }
+  template <class Places>
+  [[nodiscard]] static std::size_t place_in(const Places& all, Id id) {
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const auto& one) { return one.id == id; });
+    return static_cast<std::size_t>(found - all.begin());
+  }
+  [[nodiscard]] static double guess_sigma(const UncertainPlace* place) {
+    return place == nullptr ? 0.0 : place->guess_sigma_m;
+  }
+
+  /// `first` is what the guess takes in place of the message.
+  template <class M>
+  Outcome measure(const M& z, const M& first, Measurement made, const Gate& gate, NoiseKind kind) {
     validate(z);
     if (!is_plausible(z, models_->estimator.limits)) {
       return {Verdict::kImplausible, Reason::kBeyondLimits};
@@ -216,19 +374,24 @@ class Builder {
       return {Verdict::kStale, Reason::kBeforeEstimate};
     }
     keyframe_at(z.stamp);
-    const auto lin = linearize(chain_.guess.back());
-    if (!lin) {
+    Values values{};
+    for (std::size_t i = 0; i < values.size() && made.shared[i] >= 0; ++i) {
+      values[i] = chain_.shared[static_cast<std::size_t>(made.shared[i])].guess;
+    }
+    const auto found = made.linearize(chain_.guess.back(), values);
+    if (!found) {
       return {Verdict::kNotModelled, why(z)};
     }
-    (void)guess_.on(z);
+    (void)guess_.on(first);
     chain_.guess.back() = guess_.pose();
-    const auto rows = static_cast<int>(lin->residual.size());
+    const auto rows = static_cast<int>(found->by_pose.residual.size());
     Outcome outcome{Verdict::kFused, Reason::kNone, rows};
     outcome.limit = gate.limit(rows);
-    chain_.measurements.push_back({message, chain_.stamps.size() - 1, source, id, outcome.limit,
-                                   dof_of(kind, models_->estimator), offset,
-                                   source == Source::kRanges ? wandering_ / lin->noise(0, 0) : 0.0,
-                                   std::move(linearize)});
+    made.pose = chain_.stamps.size() - 1;
+    made.limit = outcome.limit;
+    made.dof = dof_of(kind, models_->estimator);
+    made.wanders = made.source == Source::kRanges ? wandering_ / found->by_pose.noise(0, 0) : 0.0;
+    chain_.measurements.push_back(std::move(made));
     return outcome;
   }
 
@@ -280,8 +443,10 @@ class Builder {
   Stamp keyframe_;
   PoseEkf guess_;
   HeldMotion odometry_;
-  double wandering_ = 0.0;  // variance of offsets that wander [m^2]
-  Stamp at_;                // of what segment_ ends with
+  std::vector<const UncertainPlace*> anchor_places_;    // of each anchor of the map, or null
+  std::vector<const UncertainPlace*> landmark_places_;  // of each landmark of the map, or null
+  double wandering_ = 0.0;                              // variance of offsets that wander [m^2]
+  Stamp at_;                                            // of what segment_ ends with
   RelativeMotion segment_;
   PoseChain chain_;
 };

@@ -19,19 +19,44 @@ struct RelativeMotion {
   Matrix<3, 3> covariance;  ///< of the second pose, in the axes of the first
 };
 
-/// What a message says of one pose, and of the offset of an anchor if that is a variable.
+/// A number on which measurements of many poses depend: a coordinate of an anchor, its offset.
+struct SharedVariable {
+  double guess = 0.0;
+  double mean = 0.0;  ///< before anything is measured
+  double sigma = 0.0;
+};
+
+/// Shared variables of one measurement, at the most: a range's anchor (x, y, z), its tag (forward,
+/// left), and offset and scale.
+inline constexpr int kMaxShared = 7;
+
+/// In this order; of other measurements the first two or none.
+enum RangeVariable : std::size_t { kX, kY, kZ, kForward, kLeft, kOffset, kScale };
+
+/// Which shared variables a measurement depends on; -1 where it has no more.
+using SharedPlaces = std::array<int, kMaxShared>;
+inline constexpr SharedPlaces kNothingShared = {-1, -1, -1, -1, -1, -1, -1};
+
+/// z minus h(x), its derivatives and R.
+struct MeasuredRows {
+  using Shared = Eigen::Matrix<double, Eigen::Dynamic, kMaxShared, Eigen::ColMajor, 3, kMaxShared>;
+  Linearization<Eigen::Dynamic, 3, 3> by_pose;
+  Shared by_shared;  ///< in the order of the measurement's shared variables
+};
+
+/// What a message says of one pose, and of variables that others share.
 struct Measurement {
-  using Rows = Linearization<Eigen::Dynamic, 3, 3>;
-  std::size_t message;  ///< place in the log
-  std::size_t pose;     ///< that it measures
-  Source source;
-  Id id;           ///< of the anchor or landmark, else 0
-  double limit;    ///< of its squared residual, by its gate
-  double dof;      ///< of Student's noise; 0 where it is Gaussian
-  int offset;      ///< which anchor's offset adds to its only row, or -1
-  double wanders;  ///< share of its variance that settings say does, for correlation_s
-  /// z minus h(x), H and R; empty where the model does not apply.
-  std::function<std::optional<Rows>(const Pose2&)> linearize;
+  using Values = std::array<double, kMaxShared>;
+  std::size_t message = 0;  ///< place in the log
+  std::size_t pose = 0;     ///< that it measures
+  Source source = Source::kRanges;
+  Id id = 0;           ///< of the anchor or landmark, else 0
+  double limit = 0.0;  ///< of its squared residual, by its gate
+  double dof = 0.0;    ///< of Student's noise; 0 where it is Gaussian
+  SharedPlaces shared = kNothingShared;
+  double wanders = 0.0;  ///< share of its variance that settings say does, for correlation_s
+  /// With the values of its shared variables; empty where the model does not apply.
+  std::function<std::optional<MeasuredRows>(const Pose2&, const Values&)> linearize = {};
 };
 
 /// What innovations of the filter say of the errors of a kind of measurement: how much of their
@@ -48,7 +73,10 @@ struct PoseChain {
   std::vector<Pose2> guess;
   std::vector<RelativeMotion> motions;  ///< from each pose to the next
   std::vector<Measurement> measurements;
-  std::vector<Id> anchors;                      ///< whose offsets are variables
+  std::vector<SharedVariable> shared;
+  std::vector<SharedPlaces> radios;             ///< of each anchor of the map, by RangeVariable
+  std::vector<SharedPlaces> tags;               ///< of each tag: two
+  std::vector<SharedPlaces> landmarks;          ///< of each landmark of the map: two
   std::array<LastingErrors, kSources> lasting;  ///< by Source
   std::vector<Outcome> outcomes;  ///< of each message; those of measurements are to come
 };

@@ -108,28 +108,27 @@ class MotionCost final : public ceres::SizedCostFunction<3, 3, 3> {
 struct Whitened {
   Vector<3> residual = Vector<3>::Zero();
   Matrix<3, 3> by_pose = Matrix<3, 3>::Zero();
-  Vector<3> by_offset = Vector<3>::Zero();
+  Matrix<3, internal::kMaxShared> by_shared = Matrix<3, internal::kMaxShared>::Zero();
   int rows = 0;
 };
 
-Whitened whitened(const Measurement& z, const Pose2& pose, double offset) {
+Whitened whitened(const Measurement& z, const Pose2& pose, const Measurement::Values& values) {
   Whitened found;
-  const auto lin = z.linearize(pose);
-  if (!lin) {
+  const auto measured = z.linearize(pose, values);
+  if (!measured) {
     return found;  // at this point it has no direction
   }
-  const auto factor = lin->noise.llt();
+  const auto& lin = measured->by_pose;
+  const auto factor = lin.noise.llt();
   if (factor.info() != Eigen::Success) {
     throw NumericalError("the noise of a measurement is not positive definite");
   }
-  found.rows = static_cast<int>(lin->residual.size());
-  Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 3, 1> residual = lin->residual;
-  if (z.offset >= 0) {
-    residual(0) -= offset;
-    found.by_offset(0) = -1.0 / std::sqrt(lin->noise(0, 0));
+  found.rows = static_cast<int>(lin.residual.size());
+  found.residual.head(found.rows) = factor.matrixL().solve(lin.residual);
+  found.by_pose.topRows(found.rows) = -factor.matrixL().solve(lin.jacobian);
+  if (z.shared[0] >= 0) {
+    found.by_shared.topRows(found.rows) = -factor.matrixL().solve(measured->by_shared);
   }
-  found.residual.head(found.rows) = factor.matrixL().solve(residual);
-  found.by_pose.topRows(found.rows) = -factor.matrixL().solve(lin->jacobian);
   return found;
 }
 
@@ -139,27 +138,35 @@ class MeasurementCost final : public ceres::CostFunction {
   MeasurementCost(const Measurement& z, int rows, double weight) : z_(z), root_(std::sqrt(weight)) {
     set_num_residuals(rows);
     mutable_parameter_block_sizes()->push_back(3);
-    if (z.offset >= 0) {
+    for (; shared_ < z.shared.size() && z.shared[shared_] >= 0; ++shared_) {
       mutable_parameter_block_sizes()->push_back(1);
     }
   }
 
   bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-    const Whitened found = whitened(z_, pose_of(x[0]), z_.offset >= 0 ? x[1][0] : 0.0);
+    Measurement::Values values{};
+    for (std::size_t i = 0; i < shared_; ++i) {
+      values[i] = x[i + 1][0];
+    }
+    const Whitened found = whitened(z_, pose_of(x[0]), values);
     const int rows = num_residuals();
     Eigen::Map<Eigen::VectorXd>(residuals, rows) = root_ * found.residual.head(rows);
     if (jacobians != nullptr && jacobians[0] != nullptr) {
       Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>>(jacobians[0], rows, 3) =
           root_ * found.by_pose.topRows(rows);
     }
-    if (jacobians != nullptr && z_.offset >= 0 && jacobians[1] != nullptr) {
-      jacobians[1][0] = root_ * found.by_offset(0);
+    for (std::size_t i = 0; jacobians != nullptr && i < shared_; ++i) {
+      if (jacobians[i + 1] != nullptr) {
+        Eigen::Map<Eigen::VectorXd>(jacobians[i + 1], rows) =
+            root_ * found.by_shared.col(static_cast<Eigen::Index>(i)).head(rows);
+      }
     }
     return true;
   }
 
  private:
   const Measurement& z_;
+  std::size_t shared_ = 0;
   double root_;
 };
 
@@ -179,27 +186,53 @@ class StudentLoss final : public ceres::LossFunction {
   double power_;
 };
 
-/// All poses and offsets, and what weighs on them.
+/// What is known of a shared variable before anything is measured.
+class PriorCost final : public ceres::SizedCostFunction<1, 1> {
+ public:
+  explicit PriorCost(const internal::SharedVariable& variable)
+      : mean_(variable.mean), root_(1.0 / variable.sigma) {}
+  bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
+    residuals[0] = root_ * (x[0][0] - mean_);
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      jacobians[0][0] = root_;
+    }
+    return true;
+  }
+
+ private:
+  double mean_;
+  double root_;
+};
+
+/// All poses and what they share, and what weighs on them.
 class Batch {
  public:
-  Batch(const SmootherConfig& config, const PoseEstimate& start, const PoseChain& chain)
+  Batch(const SmootherConfig& config, const World& world, const PoseEstimate& start,
+        const PoseChain& chain)
       : config_(config),
+        world_(world),
         start_(start),
         chain_(chain),
         poses_(chain.stamps.size()),
-        offsets_(chain.anchors.size(), 0.0),
+        shared_(chain.shared.size()),
         inside_(chain.measurements.size(), 1.0) {
-    double heading = chain.guess.front().heading;
+    begin();
+  }
+
+  /// Goes to the first guess, of which nothing is rejected.
+  void begin() {
+    double heading = chain_.guess.front().heading;
     for (std::size_t i = 0; i < poses_.size(); ++i) {
-      heading += wrap_angle(chain.guess[i].heading - heading);
-      poses_[i] = {chain.guess[i].x, chain.guess[i].y, heading};
+      heading += wrap_angle(chain_.guess[i].heading - heading);
+      poses_[i] = {chain_.guess[i].x, chain_.guess[i].y, heading};
     }
-    const double sigma = config.estimator.calibration.sigma_anchor_offset_m;
-    offset_information_ = offsets_.empty() ? 0.0 : 1.0 / (sigma * sigma);
+    std::transform(chain_.shared.begin(), chain_.shared.end(), shared_.begin(),
+                   [](const internal::SharedVariable& one) { return one.guess; });
+    std::fill(inside_.begin(), inside_.end(), 1.0);
   }
 
   /// Finds the poses by all measurements as they are weighed now.
-  void solve(Smoothed& found, double tolerance = 1e-10) {
+  void solve(Smoothed& found, double tolerance = 1e-10, bool heavy_tailed = false) {
     ceres::Problem::Options options;
     options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     options.disable_all_safety_checks = true;
@@ -217,18 +250,18 @@ class Batch {
       }
       ceres::LossFunction* loss = nullptr;
       const int rows = chain_.outcomes[z.message].dof;
-      if (z.dof > 0.0) {
-        losses.push_back(std::make_unique<StudentLoss>(z.dof, rows));
+      if (z.dof > 0.0 || (heavy_tailed && is_gated(k))) {
+        losses.push_back(std::make_unique<StudentLoss>(std::max(z.dof, 1.0), rows));
         loss = losses.back().get();
       }
       std::vector<double*> blocks{poses_[z.pose].data()};
-      if (z.offset >= 0) {
-        blocks.push_back(&offsets_[static_cast<std::size_t>(z.offset)]);
+      for (std::size_t i = 0; i < z.shared.size() && z.shared[i] >= 0; ++i) {
+        blocks.push_back(&shared_[static_cast<std::size_t>(z.shared[i])]);
       }
       problem.AddResidualBlock(new MeasurementCost(z, rows, inside_[k]), loss, blocks);
     }
-    for (double& offset : offsets_) {
-      problem.AddResidualBlock(new OffsetCost(std::sqrt(offset_information_)), nullptr, &offset);
+    for (std::size_t i = 0; i < shared_.size(); ++i) {
+      problem.AddResidualBlock(new PriorCost(chain_.shared[i]), nullptr, &shared_[i]);
     }
     ceres::Solver::Options solver;
     solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
@@ -291,7 +324,35 @@ class Batch {
       }
       mu *= kGrowth;
     }
-    // Every verdict agrees with its limit in the end, if there is an end.
+    decide(found);
+  }
+
+  /// Where many are rejected, what they say together may have misled the start: another one from
+  /// the first guess with heavy tails is taken if its sum is less.
+  void reconsider(Smoothed& found) {
+    constexpr double kMany = 0.005;
+    const auto rejected = std::count(inside_.begin(), inside_.end(), 0.0);
+    if (static_cast<double>(rejected) <= kMany * static_cast<double>(inside_.size())) {
+      return;
+    }
+    const Batch first = *this;
+    const Smoothed found_first = found;
+    begin();
+    solve(found, 1e-6, true);
+    decide(found);
+    if (total(found_first, first.inside_) <= total(found, inside_)) {
+      poses_ = first.poses_;
+      shared_ = first.shared_;
+      inside_ = first.inside_;
+      const int iterations = found.iterations;
+      found = found_first;
+      found.iterations = iterations;
+    }
+  }
+
+  /// Every verdict agrees with its limit in the end, if there is an end.
+  void decide(Smoothed& found) {
+    const std::size_t count = chain_.measurements.size();
     for (int round = 0; round < 10; ++round) {
       std::vector<double> decided = inside_;
       for (std::size_t k = 0; k < count; ++k) {
@@ -311,57 +372,102 @@ class Batch {
     for (const Stamp stamp : chain_.stamps) {
       seconds.push_back(seconds_between(chain_.stamps.front(), stamp));
     }
-    internal::ChainInformation information(std::move(seconds), offsets_.size());
+    internal::ChainInformation information(std::move(seconds), shared_.size());
     add_information(information);
     const internal::ChainCovariance covariance = information.covariance();
     found.poses.reserve(poses_.size());
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       found.poses.push_back({chain_.stamps[i], pose_of(poses_[i].data()), covariance.poses[i]});
     }
-    for (std::size_t a = 0; a < offsets_.size(); ++a) {
-      const auto place = static_cast<Eigen::Index>(a);
-      found.errors.push_back({"anchor_offset_m", chain_.anchors[a], offsets_[a],
-                              std::sqrt(covariance.globals(place, place)),
-                              config_.estimator.calibration.sigma_anchor_offset_m});
-    }
+    report_shared(covariance.globals, found);
     found.outcomes = chain_.outcomes;
     for (std::size_t k = 0; k < chain_.measurements.size(); ++k) {
       const Measurement& z = chain_.measurements[k];
       Outcome& outcome = found.outcomes[z.message];
-      const auto lin = z.linearize(pose_of(poses_[z.pose].data()));
+      const auto rows = z.linearize(pose_of(poses_[z.pose].data()), values_of(z));
       outcome.nis = squared(k);
-      outcome.residual = lin ? lin->residual(0) - offset_of(z) : outcome.residual;
+      outcome.residual = rows ? rows->by_pose.residual(0) : outcome.residual;
       outcome.verdict = inside_[k] > 0.0 ? Verdict::kFused : Verdict::kGated;
       outcome.reason = inside_[k] > 0.0 ? Reason::kNone : Reason::kUnlikely;
     }
+    found.cost = total(found, inside_);
   }
 
  private:
-  /// That an offset is about 0.
-  class OffsetCost final : public ceres::SizedCostFunction<1, 1> {
-   public:
-    explicit OffsetCost(double root_information) : root_(root_information) {}
-    bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-      residuals[0] = root_ * x[0][0];
-      if (jacobians != nullptr && jacobians[0] != nullptr) {
-        jacobians[0][0] = root_;
+  /// Places and errors of radios, and places of landmarks.
+  void report_shared(const Eigen::MatrixXd& covariance, Smoothed& found) const {
+    const World& world = world_;
+    const Calibration::Config& errors = config_.estimator.calibration;
+    found.anchors = internal::anchors_of(world)->anchors();
+    found.landmarks = internal::landmarks_of(world)->landmarks();
+    found.tags = world.tags;
+    std::vector<int> columns;  // shared variables of the coordinates, or -1
+    const auto read = [&](int variable, double& into) {
+      if (variable >= 0) {
+        into = shared_[static_cast<std::size_t>(variable)];
       }
-      return true;
+    };
+    const auto place = [&](const internal::SharedPlaces& variables, Eigen::Index axes, auto& into) {
+      for (Eigen::Index axis = 0; axis < axes; ++axis) {
+        columns.push_back(variables[static_cast<std::size_t>(axis)]);
+        read(columns.back(), into(axis));
+      }
+    };
+    for (std::size_t i = 0; i < found.anchors.size(); ++i) {
+      Anchor& anchor = found.anchors[i];
+      const internal::SharedPlaces& radio = chain_.radios[i];
+      place(radio, 3, anchor.position);
+      const auto learn = [&](const char* name, int variable, double sigma_start) {
+        if (variable >= 0) {
+          const double variance = covariance(variable, variable);
+          found.errors.push_back({name, anchor.id, shared_[static_cast<std::size_t>(variable)],
+                                  std::sqrt(variance), sigma_start});
+          return found.errors.back().value;
+        }
+        return 0.0;
+      };
+      anchor.offset +=
+          learn("anchor_offset_m", radio[internal::kOffset], errors.sigma_anchor_offset_m);
+      anchor.scale += learn("anchor_scale", radio[internal::kScale], errors.sigma_anchor_scale);
     }
+    for (std::size_t i = 0; i < found.landmarks.size(); ++i) {
+      place(chain_.landmarks[i], 2, found.landmarks[i].position);
+    }
+    for (std::size_t i = 0; i < found.tags.size(); ++i) {
+      place(chain_.tags[i], 2, found.tags[i].position);
+    }
+    const auto size = static_cast<Eigen::Index>(columns.size());
+    found.places_covariance = Eigen::MatrixXd::Zero(size, size);
+    for (Eigen::Index i = 0; i < size; ++i) {
+      for (Eigen::Index j = 0; j < size; ++j) {
+        const int a = columns[static_cast<std::size_t>(i)];
+        const int b = columns[static_cast<std::size_t>(j)];
+        found.places_covariance(i, j) = a >= 0 && b >= 0 ? covariance(a, b) : 0.0;
+      }
+    }
+  }
 
-   private:
-    double root_;
-  };
-
+  /// The cost with that of each outlier at its limit.
+  [[nodiscard]] double total(const Smoothed& found, const std::vector<double>& inside) const {
+    double sum = found.cost;
+    for (std::size_t k = 0; k < inside.size(); ++k) {
+      sum += inside[k] > 0.0 ? 0.0 : 0.5 * chain_.measurements[k].limit;
+    }
+    return sum;
+  }
   [[nodiscard]] bool is_gated(std::size_t k) const {
     return chain_.measurements[k].dof == 0.0 && std::isfinite(chain_.measurements[k].limit);
   }
-  [[nodiscard]] double offset_of(const Measurement& z) const {
-    return z.offset >= 0 ? offsets_[static_cast<std::size_t>(z.offset)] : 0.0;
+  [[nodiscard]] Measurement::Values values_of(const Measurement& z) const {
+    Measurement::Values values{};
+    for (std::size_t i = 0; i < z.shared.size() && z.shared[i] >= 0; ++i) {
+      values[i] = shared_[static_cast<std::size_t>(z.shared[i])];
+    }
+    return values;
   }
   [[nodiscard]] Whitened at(std::size_t k) const {
     const Measurement& z = chain_.measurements[k];
-    return whitened(z, pose_of(poses_[z.pose].data()), offset_of(z));
+    return whitened(z, pose_of(poses_[z.pose].data()), values_of(z));
   }
 
   void add_information(internal::ChainInformation& information) const {
@@ -412,8 +518,11 @@ class Batch {
       for (int row = 0; row < found.rows; ++row) {
         // R is what was stated and what wanders: the filter has learnt of the first alone.
         const double stated = errors.factor * (1.0 - z.wanders);
-        internal::MeasuredRow measured{z.pose, root * found.by_pose.row(row).transpose(), z.offset,
-                                       root * found.by_offset(row), stated + z.wanders};
+        internal::MeasuredRow measured{z.pose, root * found.by_pose.row(row).transpose(), z.shared};
+        for (std::size_t i = 0; i < z.shared.size() && z.shared[i] >= 0; ++i) {
+          measured.by_shared[i] = root * found.by_shared(row, static_cast<Eigen::Index>(i));
+        }
+        measured.variance = stated + z.wanders;
         measured.lasting = {
             share(learnt, std::tuple(z.source, z.id, row), stated * (errors.share - errors.common),
                   estimator.correlation_s),
@@ -423,17 +532,17 @@ class Batch {
         information.add(measured);
       }
     }
-    for (std::size_t a = 0; a < offsets_.size(); ++a) {
-      information.add_global(a, offset_information_);
+    for (std::size_t i = 0; i < shared_.size(); ++i) {
+      information.add_global(i, 1.0 / (chain_.shared[i].sigma * chain_.shared[i].sigma));
     }
   }
 
   const SmootherConfig& config_;
+  const World& world_;
   const PoseEstimate& start_;
   const PoseChain& chain_;
   std::vector<Variables> poses_;
-  std::vector<double> offsets_;
-  double offset_information_ = 0.0;
+  std::vector<double> shared_;
   std::vector<double> inside_;  // their weights: 0 is an outlier
 };
 
@@ -447,11 +556,11 @@ void check(const SmootherConfig& config) {
        {given.sigma_scale, given.sigma_direction_rad, given.sigma_turn_scale,
         given.sigma_turn_bias_radps, given.sigma_sensor_m, given.sigma_sensor_rad,
         given.sigma_range_offset_m, given.sigma_range_scale, given.sigma_delay_s,
-        given.sigma_anchor_scale, given.sigma_range_delay_s, config.estimator.adaptive.messages}) {
+        given.sigma_range_delay_s, config.estimator.adaptive.messages}) {
     if (other != 0.0) {
       throw std::invalid_argument(
-          "the smoother learns sigma_anchor_offset_m alone of calibration, and no adaptive noise; "
-          "set the others to 0");
+          "the smoother learns sigma_anchor_offset_m and sigma_anchor_scale alone of calibration, "
+          "and no adaptive noise; set the others to 0");
     }
   }
 }
@@ -462,10 +571,11 @@ Smoothed smooth(const SmootherConfig& config, const World& world, const PoseEsti
                 const std::vector<Message>& messages) {
   check(config);
   const PoseChain chain = internal::make_pose_chain(config, world, start, messages);
-  Batch batch(config, start, chain);
+  Batch batch(config, world, start, chain);
   Smoothed found;
   batch.solve(found);
   batch.reject(found);
+  batch.reconsider(found);
   batch.report(found);
   return found;
 }

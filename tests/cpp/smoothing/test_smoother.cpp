@@ -62,8 +62,12 @@ TEST(ChainInformation, its_blocks_are_those_of_the_dense_matrices) {
   for (int k = 0; k < kPoses; ++k) {
     const auto pose = static_cast<std::size_t>(k);
     for (int of_pose = 0; of_pose < 4; ++of_pose) {
-      internal::MeasuredRow row{pose, random(3, 1), of_pose < 2 ? k % kShared : -1, 0.0, 1.5};
-      row.by_global = row.global >= 0 ? testing::normal(rng, 1.0) : 0.0;
+      internal::MeasuredRow row{pose, random(3, 1)};
+      row.variance = 1.5;
+      for (std::size_t i = 0; of_pose < 2 && i <= pose % 2; ++i) {  // one shared variable, or two
+        row.shared[i] = i == 0 ? k % kShared : 1 - k % kShared;
+        row.by_shared[i] = testing::normal(rng, 1.0);
+      }
       row.lasting[0] = {of_pose % 2, 0.3 + 0.1 * k};
       row.lasting[1] = {of_pose < 3 ? 2 : -1, 0.4};
       rows.push_back(row);
@@ -83,8 +87,8 @@ TEST(ChainInformation, its_blocks_are_those_of_the_dense_matrices) {
   for (Eigen::Index i = 0; i < count; ++i) {
     const internal::MeasuredRow& a = rows[static_cast<std::size_t>(i)];
     J.block<1, 3>(i, 3 * static_cast<Eigen::Index>(a.pose)) = a.by_pose.transpose();
-    if (a.global >= 0) {
-      J(i, 3 * kPoses + a.global) = a.by_global;
+    for (std::size_t j = 0; j < a.shared.size() && a.shared[j] >= 0; ++j) {
+      J(i, 3 * kPoses + a.shared[j]) = a.by_shared[j];
     }
     for (Eigen::Index j = 0; j < count; ++j) {
       const internal::MeasuredRow& b = rows[static_cast<std::size_t>(j)];

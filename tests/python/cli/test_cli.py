@@ -27,6 +27,7 @@ CALLS = (
     ("convert",),
     ("evaluate",),
     ("position",),
+    ("survey",),
     ("reproduce",),
     ("sweep",),
     ("studio",),

@@ -78,4 +78,23 @@ std::optional<Linearization<1, 2>> RangeModel::linearize_point(const Vector<2>& 
   return Linearization<1, 2>{lin->residual, lin->jacobian.head<2>(), lin->noise};
 }
 
+std::optional<Linearization<1, 8>> RangeModel::linearize_with_places(
+    const Pose2& T_world_body, const Range& z, const Anchor& anchor,
+    const Vector<3>& tag_in_body) const {
+  const std::optional<Linearization<1, 4>> plain =
+      look<4>(T_world_body, 0.0, z, anchor, tag_in_body);
+  if (!plain) {
+    return std::nullopt;
+  }
+  const Vector<2> by_tag(plain->jacobian(0), plain->jacobian(1));  // in the axes of the world
+  Linearization<1, 8> lin;
+  lin.residual = plain->residual;
+  lin.jacobian.leftCols<3>() = plain->jacobian.leftCols<3>();
+  lin.jacobian.segment<2>(3) = -by_tag.transpose();
+  lin.jacobian(5) = -plain->jacobian(3);
+  lin.jacobian.segment<2>(6) = Pose2{0.0, 0.0, -T_world_body.heading}.act(by_tag).transpose();
+  lin.noise = plain->noise;
+  return lin;
+}
+
 }  // namespace locfuse

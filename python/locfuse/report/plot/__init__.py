@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of a run, of the layout of anchors and of a sweep; needs matplotlib.
 
-Each function takes a `RunResult`, `plot_layout` a `Layout`, and returns a free-standing matplotlib
+Each function takes a `RunResult`, `plot_layout` a `Layout`, `plot_survey` a
+`SurveyResult`, and returns a free-standing matplotlib
 `Figure`; nothing touches pyplot or process-wide settings. Long runs are decimated to what a
 picture can show, and never so that an extreme error or a stretch of rejections disappears.
 """
@@ -22,6 +23,7 @@ from locfuse.report.plot.outcomes import plot_outcomes
 from locfuse.report.plot.path import plot_path
 from locfuse.report.plot.start import plot_start
 from locfuse.report.plot.style import save
+from locfuse.report.plot.survey import plot_survey
 from locfuse.report.plot.sweep import draw_sweep
 
 __all__ = [
@@ -35,6 +37,7 @@ __all__ = [
     "plot_outcomes",
     "plot_path",
     "plot_start",
+    "plot_survey",
     "plot_watched",
     "save",
     "write_film",

@@ -173,6 +173,28 @@ TEST(RangeModel, derivatives_by_pose_and_errors_match_differences) {
   }
 }
 
+TEST(RangeModel, derivatives_by_pose_anchor_and_tag_match_differences) {
+  const RangeModel model({}, one_anchor({2, {0.0, 0.0, 0.0}}), {{0, {0.3, -0.2, 1.0}}});
+  const Pose2 pose{1.5, -2.0, 0.7};
+  const Range z{0, 0, 2, 9.0, {}};
+  const Anchor anchor{2, {4.0, 3.0, 2.5}, 0.2, 1.05};
+  const Vector<3> in_body(0.3, -0.2, 1.0);
+  const auto residual = [&](const Vector<8>& off) {
+    Anchor moved = anchor;
+    moved.position += off.segment<3>(3);
+    const Vector<3> arm = in_body + Vector<3>(off(6), off(7), 0.0);
+    return model.linearize_with_places(retract(pose, off.head<3>()), z, moved, arm)->residual;
+  };
+  const auto lin = model.linearize_with_places(pose, z, anchor, in_body);
+  const Matrix<1, 8> differences = numerical_jacobian<1, 8>(
+      [&](const Vector<8>& off) { return (residual(Vector<8>::Zero()) - residual(off)).eval(); });
+  EXPECT_TRUE(lin->jacobian.isApprox(differences, 1e-7));
+  const Vector<2> at = pose.act(Vector<2>(0.3, -0.2));
+  const double distance = (Vector<3>(at.x(), at.y(), 1.0) - anchor.position).norm();
+  EXPECT_NEAR(lin->residual(0), 9.0 - 1.05 * distance - 0.2, 1e-12);
+  EXPECT_FALSE(model.linearize_with_places(pose, z, {2, {at.x(), at.y(), 1.0}}, in_body));
+}
+
 TEST(RangeModel, rejects_a_config_without_noise) {
   const auto anchors = one_anchor({});
   const auto with = [&](double sigma, double relative) {

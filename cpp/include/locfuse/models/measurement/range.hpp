@@ -73,6 +73,13 @@ class RangeModel {
   [[nodiscard]] std::optional<Linearization<1, 2>> linearize_point(const Vector<2>& tag_in_world,
                                                                    const Range& z) const;
 
+  /// Linearization for an anchor and a tag whose places are variables: Jacobian with respect to (x,
+  /// y, theta), the position of the anchor, and that of the tag in body (forward, left), 1x8; eq.
+  /// (1.9). Empty if the tag sits on the anchor.
+  [[nodiscard]] std::optional<Linearization<1, 8>> linearize_with_places(
+      const Pose2& T_world_body, const Range& z, const Anchor& anchor,
+      const Vector<3>& tag_in_body) const;
+
   [[nodiscard]] const AnchorMap& anchors() const { return *anchors_; }
   [[nodiscard]] const std::vector<Tag>& tags() const { return tags_.all(); }
 
@@ -81,27 +88,33 @@ class RangeModel {
 
   /// N columns: the pose, and the height if there is a fourth.
   template <int N>
-  [[nodiscard]] std::optional<Linearization<1, N>> look(const Pose2& T_world_body,
-                                                        [[maybe_unused]] double height,
+  [[nodiscard]] std::optional<Linearization<1, N>> look(const Pose2& T_world_body, double height,
                                                         const Range& z) const {
     const Anchor* anchor = anchors_->find(z.anchor);
     const Tag* tag = tags_.find(z.tag);
     if (anchor == nullptr || tag == nullptr) {
       return std::nullopt;
     }
+    return look<N>(T_world_body, height, z, *anchor, tag->position);
+  }
+  template <int N>
+  [[nodiscard]] std::optional<Linearization<1, N>> look(const Pose2& T_world_body,
+                                                        [[maybe_unused]] double height,
+                                                        const Range& z, const Anchor& anchor,
+                                                        const Vector<3>& tag) const {
     // Tag relative to the body's origin, in the axes of the world; a centred tag needs no
     // trigonometry.
     double arm_x = 0.0;
     double arm_y = 0.0;
-    if (tag->position.x() != 0.0 || tag->position.y() != 0.0) {
+    if (tag.x() != 0.0 || tag.y() != 0.0) {
       const double c = std::cos(T_world_body.heading);
       const double s = std::sin(T_world_body.heading);
-      arm_x = c * tag->position.x() - s * tag->position.y();
-      arm_y = s * tag->position.x() + c * tag->position.y();
+      arm_x = c * tag.x() - s * tag.y();
+      arm_y = s * tag.x() + c * tag.y();
     }
-    const double dx = T_world_body.x + arm_x - anchor->position.x();
-    const double dy = T_world_body.y + arm_y - anchor->position.y();
-    double dz = tag->position.z() - anchor->position.z();
+    const double dx = T_world_body.x + arm_x - anchor.position.x();
+    const double dy = T_world_body.y + arm_y - anchor.position.y();
+    double dz = tag.z() - anchor.position.z();
     if constexpr (N == 4) {
       dz += height;
     }
@@ -109,11 +122,11 @@ class RangeModel {
     if (distance < kMinDistance) {
       return std::nullopt;
     }
-    const double slope = anchor->scale / distance;
+    const double slope = anchor.scale / distance;
     const double ux = slope * dx;
     const double uy = slope * dy;
     Linearization<1, N> lin;
-    lin.residual(0) = z.range - (anchor->scale * distance + anchor->offset);
+    lin.residual(0) = z.range - (anchor.scale * distance + anchor.offset);
     lin.jacobian(0) = ux;
     lin.jacobian(1) = uy;
     lin.jacobian(2) = uy * arm_x - ux * arm_y;
