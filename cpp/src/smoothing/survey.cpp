@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <memory>
 #include <numeric>
@@ -13,7 +14,9 @@
 
 #include "estimators/recipe.hpp"
 #include "locfuse/frontends/locate.hpp"
+#include "locfuse/geometry/rigid_fit.hpp"
 #include "locfuse/models/measurement/range_bearing.hpp"
+#include "smoothing/range_unfolding.hpp"
 
 namespace locfuse {
 namespace {
@@ -26,6 +29,11 @@ struct Tuning {
   static constexpr double kAnywhere_m = 1e4;    ///< sigma of a place of which nothing is known
   static constexpr double kHeight_m = 3.0;      ///< sigma of the height of an anchor over the tags
   static constexpr double kLevel_m = 1e-3;      ///< of tags at one height
+  static constexpr std::size_t kMostRanges = 30000;
+  static constexpr int kEpochs = 300;          ///< by which ranges are unfolded
+  static constexpr double kGap_s = 1.0;        ///< between two ranges of an epoch
+  static constexpr double kElsewhere_m = 1.0;  ///< this far off is another place in any case
+  static constexpr double kUnfolded_m = 0.3;   ///< how far off an unfolded anchor may be
   /// Sigma in the plane up to which a first place is good enough to begin with: this, and a share
   /// of the distance.
   static constexpr double kRough_m = 0.5;
@@ -84,10 +92,12 @@ class Surveyor {
         world_(world),
         start_(start),
         order_(messages.size()),
+        messages_in_all_(messages.size()),
         progress_(progress),
         tags_(world.tags),
         sighting_(config.smoother.estimator.landmark, world.landmarks.T_body_sensor) {
     std::iota(order_.begin(), order_.end(), 0U);
+    thin(messages);
     std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
       return precedes(messages[a], messages[b]);
     });
@@ -109,6 +119,7 @@ class Surveyor {
                  std::holds_alternative<PoseObservation>(message)) {
         has_others_ = true;
       }
+      has_odometry_ = has_odometry_ || source_of(message) == Source::kOdometry;
     }
     if (ranges_.empty() && sightings_.empty()) {
       throw std::invalid_argument(
@@ -118,6 +129,9 @@ class Surveyor {
   }
 
   Survey run() {
+    if (!has_odometry_ && !has_others_ && sightings_.empty()) {
+      unfold_ranges();
+    }
     const double whole = seconds_between(start_.stamp, end_);
     double part = Tuning::kFirstPart_s;
     double done = 0.0;
@@ -143,6 +157,197 @@ class Surveyor {
   }
 
  private:
+  /// Leaves ranges out evenly where there are more than it takes: their errors last anyhow.
+  void thin(const std::vector<Message>& messages) {
+    const auto count = static_cast<std::size_t>(
+        std::count_if(messages.begin(), messages.end(),
+                      [](const Message& one) { return std::holds_alternative<Range>(one); }));
+    const std::size_t step = (count + Tuning::kMostRanges - 1) / Tuning::kMostRanges;
+    if (step <= 1) {
+      return;
+    }
+    std::map<std::pair<Id, Id>, std::size_t> turn;  // of a tag and an anchor
+    order_.erase(std::remove_if(order_.begin(), order_.end(),
+                                [&](std::size_t i) {
+                                  const auto* z = std::get_if<Range>(&messages[i]);
+                                  return z != nullptr && turn[{z->tag, z->anchor}]++ % step != 0;
+                                }),
+                 order_.end());
+  }
+
+  /// Places anchors without odometry: from the ranges of a tag to all of them alone.
+  void unfold_ranges() {
+    std::map<Id, std::size_t> of_tag;
+    for (const auto& [id, ranges] : ranges_) {
+      for (const Range& z : ranges) {
+        ++of_tag[z.tag];
+      }
+    }
+    const Id most = std::max_element(of_tag.begin(), of_tag.end(), [](auto& a, auto& b) {
+                      return a.second < b.second;
+                    })->first;
+    std::vector<Stamp> stamps;
+    stamps.reserve(Tuning::kEpochs);
+    for (int k = 0; k < Tuning::kEpochs; ++k) {
+      stamps.push_back(start_.stamp + (end_ - start_.stamp) / Tuning::kEpochs * k);
+    }
+    std::map<Id, std::vector<std::optional<double>>> at;  // of anchors that are received mostly
+    for (const auto& [id, ranges] : ranges_) {
+      std::vector<std::optional<double>> row;
+      row.reserve(stamps.size());
+      for (const Stamp stamp : stamps) {
+        row.push_back(range_at(id, most, stamp));
+      }
+      if (2 * std::count(row.begin(), row.end(), std::nullopt) < Tuning::kEpochs) {
+        at[id] = std::move(row);
+      }
+    }
+    std::vector<std::size_t> whole;  // epochs with a range to each
+    for (std::size_t k = 0; k < stamps.size(); ++k) {
+      if (std::all_of(at.begin(), at.end(), [k](const auto& one) { return one.second[k]; })) {
+        whole.push_back(k);
+      }
+    }
+    Eigen::MatrixXd ranges(static_cast<Eigen::Index>(at.size()),
+                           static_cast<Eigen::Index>(whole.size()));
+    Eigen::Index row = 0;
+    for (const auto& [id, values] : at) {
+      for (std::size_t k = 0; k < whole.size(); ++k) {
+        ranges(row, static_cast<Eigen::Index>(k)) = *values[whole[k]];
+      }
+      ++row;
+    }
+    const auto found = internal::unfold(ranges);
+    if (!found) {
+      return;
+    }
+    const std::optional<Pose2> frame = body_in(*found, at, most);
+    if (!frame) {
+      return;
+    }
+    row = 0;
+    for (const auto& [id, values] : at) {
+      Vector<2> flat = found->anchors.row(row).transpose();
+      flat.y() *= mirrored_;
+      const std::optional<KnownHeight> height = height_of(id);
+      const double climb = std::sqrt(std::max(found->climb_squared(row), 0.0));
+      placed_[id] << (start_.pose * inverse(*frame)).act(flat),
+          height ? height->height_m : height_of_tags() + climb;
+      rough_[id] = Tuning::kUnfolded_m;
+      ++row;
+    }
+  }
+
+  /// Range of a tag at a stamp, between the two next to it; empty in a gap.
+  [[nodiscard]] std::optional<double> range_at(Id anchor, Id tag, Stamp stamp) const {
+    const Range* before = nullptr;
+    for (const Range& z : ranges_.at(anchor)) {
+      if (z.tag != tag) {
+        continue;
+      }
+      if (z.stamp >= stamp) {
+        const Anchor radio = radio_of(anchor);
+        const auto clean = [&](const Range& one) {
+          return (one.range - radio.offset) / radio.scale;
+        };
+        if (z.stamp == stamp || before == nullptr) {
+          return z.stamp - stamp > stamps_from(Tuning::kGap_s) ? std::nullopt
+                                                               : std::optional(clean(z));
+        }
+        const double gap = seconds_between(before->stamp, z.stamp);
+        if (gap > Tuning::kGap_s) {
+          return std::nullopt;
+        }
+        const double share = seconds_between(before->stamp, stamp) / gap;
+        return (1.0 - share) * clean(*before) + share * clean(z);
+      }
+      before = &z;
+    }
+    return std::nullopt;
+  }
+
+  /// Where the body is first among unfolded anchors: by several tags, which say whether those are
+  /// mirrored; by one, along the first of its way.
+  std::optional<Pose2> body_in(const internal::Unfolded& found,
+                               const std::map<Id, std::vector<std::optional<double>>>& at,
+                               Id most) {
+    if (world_.tags.size() < 2) {
+      is_side_open_ = true;
+      const Vector<2> first = found.tags.row(0).transpose();
+      Vector<2> way = Vector<2>::Zero();
+      for (Eigen::Index k = 1; k < found.tags.rows() && way.norm() < 1.0; ++k) {
+        way = found.tags.row(k).transpose() - first;
+      }
+      const Pose2 heading{0.0, 0.0, std::atan2(way.y(), way.x())};
+      const Vector<2> arm = heading.act(tags_.find(most)->position.head<2>());
+      return Pose2{first.x() - arm.x(), first.y() - arm.y(), heading.heading};
+    }
+    std::optional<Pose2> best;
+    double least = std::numeric_limits<double>::infinity();
+    for (const double side : {1.0, -1.0}) {
+      std::vector<Vector<2>> arms;
+      std::vector<Vector<2>> places;
+      for (const Tag& tag : world_.tags) {
+        if (const auto place = first_of(tag.id, found, at, side)) {
+          arms.push_back(tag.position.head<2>());
+          places.push_back(*place);
+        }
+      }
+      if (arms.size() < 2) {
+        continue;
+      }
+      const auto count = static_cast<Eigen::Index>(arms.size());
+      Matrix<2, Eigen::Dynamic> body(2, count);
+      Matrix<2, Eigen::Dynamic> world(2, count);
+      for (Eigen::Index k = 0; k < count; ++k) {
+        body.col(k) = arms[static_cast<std::size_t>(k)];
+        world.col(k) = places[static_cast<std::size_t>(k)];
+      }
+      const std::vector<Matrix<2, 2>> each(arms.size(), 0.01 * Matrix<2, 2>::Identity());
+      const RigidFit fit = rigid_fit(body, world, each);
+      if (std::isfinite(fit.pose.x + fit.pose.heading) && fit.nis < least) {
+        least = fit.nis;
+        best = fit.pose;
+        mirrored_ = side;
+      }
+    }
+    return best;
+  }
+
+  /// Where a tag is first, by the ranges of its first seconds to unfolded anchors.
+  [[nodiscard]] std::optional<Vector<2>> first_of(
+      Id tag, const internal::Unfolded& found,
+      const std::map<Id, std::vector<std::optional<double>>>& at, double side) const {
+    std::vector<Vector<3>> anchors;
+    std::vector<double> ranges;
+    Eigen::Index row = 0;
+    for (const auto& [id, values] : at) {
+      if (const auto range = range_at(id, tag, start_.stamp)) {
+        const double climb = std::sqrt(std::max(found.climb_squared(row), 0.0));
+        anchors.emplace_back(found.anchors(row, 0), side * found.anchors(row, 1), climb);
+        ranges.push_back(*range);
+      }
+      ++row;
+    }
+    const auto count = static_cast<Eigen::Index>(ranges.size());
+    if (count < 3) {
+      return std::nullopt;
+    }
+    Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> rows(count, 3);
+    Eigen::VectorXd measured(count);
+    for (Eigen::Index k = 0; k < count; ++k) {
+      rows.row(k) = anchors[static_cast<std::size_t>(k)].transpose();
+      measured(k) = ranges[static_cast<std::size_t>(k)];
+    }
+    AnchorTable table{RowsView(rows.data(), count, 3)};
+    table.height = 0.0;
+    const PositionSolution solution =
+        locate(table, measured, Eigen::VectorXd::Constant(count, Tuning::kUnfolded_m));
+    return solution.hypotheses.empty()
+               ? std::nullopt
+               : std::optional<Vector<2>>(solution.hypotheses.front().position.head<2>());
+  }
+
   static Stamp stamps_from(double seconds) {
     return static_cast<Stamp>(seconds * kNanosecondsPerSecond);
   }
@@ -256,7 +461,9 @@ class Surveyor {
       const Id id = found.anchors[i].id;
       const auto at = 3 * static_cast<Eigen::Index>(i);
       placed_[id] = found.anchors[i].position;
-      rough_[id] = std::sqrt(found.places_covariance.block<3, 3>(at, at).trace());
+      // Of a turn of the whole nothing depends, however little is known of it.
+      rough_[id] = std::min(std::sqrt(found.places_covariance.block<3, 3>(at, at).trace()),
+                            Tuning::kElsewhere_m / 3.0);
     }
     for (const Landmark& landmark : found.landmarks) {
       landmarks_[landmark.id] = landmark.position;
@@ -463,13 +670,16 @@ class Surveyor {
       near.push_back(id);
       compare({{id, image}}, found, others);
     }
-    if (near.size() > 1 || (near.size() == 1 && placed_.size() > 1)) {
+    if (is_side_open_ || near.size() > 1 || (near.size() == 1 && placed_.size() > 1)) {
       // All together: about the line of the drive, whose curves go with them.
       std::vector<Sample> drive;
       for (const PoseEstimate& one : found.poses) {
         drive.push_back({{one.pose.x, one.pose.y, 0.0}, 0.0, 1.0});
       }
-      if (const auto line = line_of(drive)) {
+      const Vector<2> ahead(std::cos(start_.pose.heading), std::sin(start_.pose.heading));
+      const std::optional<Line> line =
+          is_side_open_ ? Line{start_.pose.position(), ahead} : line_of(drive);
+      if (line) {
         std::map<Id, Vector<3>> images = placed_;
         for (auto& [id, place] : images) {
           place.head<2>() = mirrored(place.head<2>(), *line);
@@ -493,7 +703,8 @@ class Surveyor {
     const bool is_better = worse < 0.0;
     for (const auto& [id, image] : images) {
       const Vector<3>& at = is_better ? placed.at(id) : placed_.at(id);
-      const bool is_elsewhere = (placed_.at(id) - placed.at(id)).norm() > 3.0 * rough.at(id);
+      const bool is_elsewhere =
+          is_side_open_ || (placed_.at(id) - placed.at(id)).norm() > 3.0 * rough.at(id);
       if (is_elsewhere && std::abs(worse) < Tuning::kFitsToo) {
         others[id] = at;
       } else if (is_elsewhere && is_better) {
@@ -583,7 +794,7 @@ class Surveyor {
       result.anchors.push_back(one);
     }
     result.smoothed = std::move(found);
-    std::vector<Outcome> outcomes(order_.size());
+    std::vector<Outcome> outcomes(messages_in_all_);
     for (std::size_t i = 0; i < order_.size(); ++i) {
       outcomes[order_[i]] = result.smoothed.outcomes[i];
     }
@@ -594,14 +805,18 @@ class Surveyor {
   const SurveyConfig& config_;
   const World& world_;
   const PoseEstimate& start_;
-  std::vector<std::size_t> order_;  // of fusion
-  std::vector<Message> messages_;   // in that order
+  std::vector<std::size_t> order_;  // of fusion, of those that are used
+  std::size_t messages_in_all_;
+  std::vector<Message> messages_;  // in that order
   const SurveyProgress& progress_;
   Tags tags_;
   RangeBearingModel sighting_;
   std::map<Id, std::vector<Range>> ranges_;            // from the start on
   std::map<Id, std::vector<RangeBearing>> sightings_;  // by name
   bool has_others_ = false;                            // positions or poses
+  bool has_odometry_ = false;
+  double mirrored_ = 1.0;      // -1 where unfolded anchors are
+  bool is_side_open_ = false;  // as of a tag without odometry
   Stamp end_ = 0;
   std::map<Id, Vector<3>> placed_;
   std::map<Id, double> rough_;  // how far off those may be

@@ -34,6 +34,9 @@ def survey(
     frame: Annotated[
         str | None, typer.Option(help="A1,A2: A1 is the origin, A2 on the positive x axis.")
     ] = None,
+    sigma_tag: Annotated[
+        float, typer.Option(help="How well places of tags on the robot are known, in metres.")
+    ] = 0.0,
 ) -> None:
     """Find where anchors and landmarks are, by a drive among them."""
     parsed = load_config(config)
@@ -51,7 +54,7 @@ def survey(
     table = None if measured is None else read_measured(measured)
     with progress("parts") as moved:
         result = survey_anchors(
-            parsed, base=base, measured=table, height_m=height, frame=axes,
+            parsed, base=base, measured=table, height_m=height, frame=axes, sigma_tag_m=sigma_tag,
             progress=lambda share: moved(round(share * _PARTS), _PARTS),
         )  # fmt: skip
     _print(result)
@@ -91,6 +94,10 @@ def _print(result: SurveyResult) -> None:
         sigma = float(P.trace()) ** 0.5
         console.print(f"landmark {visible(name)}: ({at[0]:.3f}, {at[1]:.3f}), sigma {sigma:.3f} m, "
                       f"{count} sightings", soft_wrap=True, highlight=False)  # fmt: skip
+    for tag in result.tags:
+        forward, left = tag.position.tolist()
+        console.print(f"tag {visible(tag.name)}: {forward:.3f} m forward, {left:.3f} m left, sigma "
+                      f"{tag.sigma_m:.3f} m", soft_wrap=True, highlight=False)  # fmt: skip
     said = [result.frame, *result.findings, *([result.advice] if result.advice else [])]
     for sentence in said:
         end = "" if sentence.endswith("?") else "."

@@ -22,7 +22,7 @@ from locfuse.run.messages import Messages, landmark_sensor_of, to_messages, trut
 from locfuse.run.odometry import with_odometry
 from locfuse.run.run import load_log
 from locfuse.run.start import given_start, start_from_nothing, start_of
-from locfuse.run.survey_frame import Framed, differences, in_frame, stands_for
+from locfuse.run.survey_frame import Framed, Wanted, differences, stands_for
 from locfuse.types import (
     Columns,
     ConfigError,
@@ -43,7 +43,10 @@ Progress = Callable[[float], None]
 SIGMA_OFFSET_M = 0.2
 # An anchor whose place is known to this share of the sigma of a range makes a range 12 % less sure.
 GOOD_SHARE = 0.5
+_OPEN_SIDE = ("without odometry one tag does not show whether all is mirrored: compare the side of "
+              "one anchor")  # fmt: skip
 _FOUND = ("sigma_anchor_offset_m", "sigma_anchor_scale")
+_SAME_M = 0.05  # nearer than this a mirrored place is no other one
 _EXACT = 1e-6  # sigma of the pose that is the frame [m] and [rad]
 _AXES = ("x_m", "y_m", "z_m")
 
@@ -89,6 +92,19 @@ class SurveyedAnchor:
 
 
 @dataclass(frozen=True)
+class SurveyedTag:
+    """A tag whose place on the robot was found.
+
+    `position` has shape (2,): forward and left, metres; `sigma_m` is along the axis that is known
+    least.
+    """
+
+    name: str
+    position: FloatArray
+    sigma_m: float
+
+
+@dataclass(frozen=True)
 class SurveyResult:
     """Where anchors and landmarks are.
 
@@ -107,6 +123,8 @@ class SurveyResult:
         Which further drive would help; empty where all is good.
     stop : float64 array, shape (2,), or None
         The place of that drive.
+    tags : tuple of SurveyedTag
+        With `sigma_tag_m`.
     """
 
     anchors: tuple[SurveyedAnchor, ...]
@@ -116,6 +134,7 @@ class SurveyResult:
     findings: tuple[str, ...] = ()
     advice: str = ""
     stop: FloatArray | None = None
+    tags: tuple[SurveyedTag, ...] = ()
 
 
 def survey(
@@ -126,6 +145,7 @@ def survey(
     measured: Columns | None = None,
     height_m: float | None = None,
     frame: tuple[str, str] | None = None,
+    sigma_tag_m: float = 0.0,
     progress: Progress | None = None,
 ) -> SurveyResult:
     """Find where the anchors and the named landmarks of a log are.
@@ -147,6 +167,8 @@ def survey(
         Of all other anchors; None: that of the log's, or found.
     frame : (str, str), optional
         Anchors that are the origin and on the positive x axis.
+    sigma_tag_m : float
+        How well the places of tags on the robot are known, forward and left; 0: exactly.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 
@@ -165,15 +187,12 @@ def survey(
     """
     log = load_log(config, base, config.seed) if log is None else log
     log = with_odometry(with_cylinders(log, config), config)
-    if config.estimator.kind not in ("pose", "landmark_slam"):
+    if config.estimator.kind == "air":
         raise ConfigError(f"survey is for estimator.kind pose, not {config.estimator.kind}")
     log, listed = _with_names(log, config)
     if config.mcl is not None:
         log = with_poses_of(localize(config, log), log, config.mcl.poses_hz or 2.0)
     messages = to_messages(log, config)
-    if not _has_places(messages) and not np.any(messages.source == "odometry"):
-        raise LogError("nothing says how the robot moves: the log has no odometry, positions or "
-                       "poses that the configuration uses")  # fmt: skip
     names = messages.anchor_names
     _check_names(measured, frame, names)
     heights = _heights(names, listed, measured, height_m)
@@ -184,29 +203,33 @@ def survey(
     settings = _settings(config)
     sensor = _core.LandmarkSensor(_core.LandmarkMap([]), landmark_sensor_of(log))
     world = _core.World(anchors, tags, sensor)
+    if not 0.0 <= sigma_tag_m < np.inf:
+        raise ConfigError(f"the sigma of tags is {sigma_tag_m:g}; expected metres, 0 or more")
+    arms = [_core.UncertainPlace(tag.id, tag.position, [sigma_tag_m, sigma_tag_m, 0.0], sigma_tag_m)
+            for tag in tags if sigma_tag_m > 0.0]  # fmt: skip
+
+    by_ranges = not (_has_places(messages) or np.isin(["odometry", "landmark_sightings"],
+                                                      messages.source).any())  # fmt: skip
+    wanted = Wanted(measured, frame, listed, of_start, _has_places(messages),
+                    is_side_open=by_ranges and len(tags) < 2)  # fmt: skip
 
     def found_with(heights: Mapping[int, float]) -> tuple[_core.Survey, Framed]:
         found = _core.survey(settings, world, start, messages.log,
-                             [_core.KnownHeight(i, z) for i, z in heights.items()],
-                             progress=progress)  # fmt: skip
-        placed = [one.anchor for one in found.anchors if one.status.name != "NOT_PLACED"]
-        size = 3 * len(placed)
-        return found, in_frame(
-            [names[anchor.id] for anchor in placed],
-            np.array([anchor.position for anchor in placed]).reshape(-1, 3),
-            np.asarray(found.smoothed.places_covariance)[:size, :size],
-            measured=measured, frame=frame, listed=listed, of_start=of_start,
-            is_given=_has_places(messages),
-        )  # fmt: skip
+                             [_core.KnownHeight(i, z) for i, z in heights.items()], arms,
+                             progress)  # fmt: skip
+        return found, _framed(found, names, wanted)
 
     found, framed = found_with(heights)
-    others = stands_for(framed, listed) if height_m is None else {}
-    if any(heights.get(names.index(a)) != heights.get(names.index(b)) for a, b in others.items()
-           if b in names):  # fmt: skip
-        found, framed = found_with({**heights, **{
-            names.index(a): heights[names.index(b)] for a, b in others.items()
-            if b in names and names.index(b) in heights}})  # fmt: skip
-    surveyed = _surveyed(found, names, framed, settings)
+    if by_ranges and not framed.names:
+        raise LogError("the log has no odometry, positions or poses that the configuration uses, "
+                       "and ranges alone place anchors where three or more are received together "
+                       "along a way that is no line")  # fmt: skip
+    elsewhere = stands_for(framed, listed) if height_m is None else {}
+    theirs = {names.index(a): heights[names.index(b)] for a, b in elsewhere.items()
+              if b in names and names.index(b) in heights}  # fmt: skip
+    if any(heights.get(anchor) != height for anchor, height in theirs.items()):
+        found, framed = found_with({**heights, **theirs})
+    surveyed = _surveyed(found, names, framed, settings, _others(found, names, framed, wanted))
     estimate = _track(found.smoothed, framed)
     result = SurveyResult(
         anchors=surveyed,
@@ -216,10 +239,39 @@ def survey(
         findings=(
             *differences(framed, listed),
             *_moved(found, messages, log, framed, names),
+            *([_OPEN_SIDE] if framed.side == 0 else []),
             *_long_ranges(surveyed, settings),
         ),
+        tags=_tags(found.smoothed, messages.tag_names) if arms else (),
     )
     return _advised(result, _sigma_of_ranges(settings))
+
+
+def _framed(
+    found: _core.Survey, names: list[str], wanted: Wanted, *, other: bool = False
+) -> Framed:
+    """Return what is placed in the frame that is wanted, or what it is if all is mirrored."""
+    placed = [one for one in found.anchors if one.status.name != "NOT_PLACED"]
+    at = [one.other if other and one.other is not None else one.anchor.position for one in placed]
+    size = 3 * len(placed)
+    return wanted.of([names[one.anchor.id] for one in placed], np.array(at).reshape(-1, 3),
+                     np.asarray(found.smoothed.places_covariance)[:size, :size])  # fmt: skip
+
+
+def _others(
+    found: _core.Survey, names: list[str], framed: Framed, wanted: Wanted
+) -> dict[int, FloatArray]:
+    """Return the other place of each anchor that has one, in the frame."""
+    alone = {one.anchor.id: np.asarray(one.other) for one in found.anchors
+             if one.other is not None}  # fmt: skip
+    if not wanted.is_side_open:
+        return {i: framed.moved(at[None])[0] for i, at in alone.items()}
+    if framed.side != 0:
+        return {}
+    whole = _framed(found, names, wanted, other=True)
+    ids = [names.index(name) for name in framed.names]
+    return {i: at for i, at, here in zip(ids, whole.position, framed.position, strict=True)
+            if np.hypot(*(at - here)[:2]) > _SAME_M}  # fmt: skip
 
 
 def _with_names(log: Log, config: RunConfig) -> tuple[Log, Columns | None]:
@@ -312,7 +364,11 @@ def _has_places(messages: Messages) -> bool:
 
 
 def _surveyed(
-    found: _core.Survey, names: list[str], framed: Framed, settings: _core.PoseEkfConfig
+    found: _core.Survey,
+    names: list[str],
+    framed: Framed,
+    settings: _core.PoseEkfConfig,
+    others: dict[int, FloatArray],
 ) -> tuple[SurveyedAnchor, ...]:
     sigma_range = _sigma_of_ranges(settings)
     offsets = {e.anchor: e for e in found.smoothed.errors if e.name == "anchor_offset_m"}
@@ -327,7 +383,7 @@ def _surveyed(
             continue
         row = framed.names.index(name)
         P = framed.covariance[3 * row : 3 * row + 3, 3 * row : 3 * row + 3]
-        other = None if one.other is None else framed.moved(np.asarray(one.other)[None])[0]
+        other = others.get(one.anchor.id)
         sigma = np.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1])
         word = "good" if sigma <= GOOD_SHARE * sigma_range else "weak"
         surveyed.append(SurveyedAnchor(
@@ -349,9 +405,9 @@ def _sigma_of_ranges(settings: _core.PoseEkfConfig) -> float:
 def _track(smoothed: _core.Smoothed, framed: Framed) -> Trajectory:
     poses = np.asarray(smoothed.poses)
     at = framed.moved(np.column_stack([poses[:, :2], np.zeros(len(poses))]))[:, :2]
-    heading = wrap_angle(poses[:, 2] + framed.turn)
+    heading = wrap_angle(framed.sign * poses[:, 2] + framed.turn)
     c, s = np.cos(framed.turn), np.sin(framed.turn)
-    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) * [1.0, framed.sign, framed.sign]
     return Trajectory(smoothed.stamp_ns, at, heading, R @ smoothed.covariances @ R.T)
 
 
@@ -364,7 +420,7 @@ def _landmarks(
     at = framed.moved(np.column_stack([at, np.zeros(count)]))[:, :2]
     P = np.asarray(smoothed.places_covariance)
     c, s = np.cos(framed.turn), np.sin(framed.turn)
-    R = np.array([[c, -s], [s, c]])
+    R = np.array([[c, -s], [s, c]]) * [1.0, framed.sign]
     rows = [slice(first + 2 * i, first + 2 * i + 2) for i in range(count)]
     blocks = [R @ P[r, r] @ R.T for r in rows]
     called = np.array([names[one.id] for one in smoothed.landmarks], dtype=str)
@@ -373,6 +429,17 @@ def _landmarks(
     sightings = np.array([np.sum(counted & (messages.anchor == name)) for name in called.tolist()],
                          dtype=np.int64)  # fmt: skip
     return MappedLandmarks(called, at, np.array(blocks).reshape(-1, 2, 2), sightings)
+
+
+def _tags(smoothed: _core.Smoothed, names: list[str]) -> tuple[SurveyedTag, ...]:
+    P = np.asarray(smoothed.places_covariance)
+    first = len(P) - 2 * len(smoothed.tags)
+    found = []
+    for row, tag in enumerate(smoothed.tags):
+        at = slice(first + 2 * row, first + 2 * row + 2)
+        sigma = float(np.sqrt(np.linalg.eigvalsh(P[at, at])[-1]))
+        found.append(SurveyedTag(names[tag.id], np.array(tag.position[:2]), sigma))
+    return tuple(found)
 
 
 def _moved(
@@ -434,7 +501,8 @@ def _long_ranges(
 
 def _advised(result: SurveyResult, sigma_range: float) -> SurveyResult:
     """Return the result with the stop that would make the worst anchors surest."""
-    unsure = [a for a in result.anchors if a.word in ("weak", "two places")]
+    words = ("weak",) if _OPEN_SIDE in result.findings else ("weak", "two places")
+    unsure = [a for a in result.anchors if a.word in words]
     missing = [a.name for a in result.anchors if a.word == "not placed"]
     way = result.estimate.position
     if len(way) and float(np.ptp(way, axis=0).max()) < 0.5 and (unsure or missing):

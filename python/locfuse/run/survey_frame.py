@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -14,6 +14,7 @@ from locfuse.types import Columns, FloatArray
 _MEASURED_M = 0.02  # sigma of a coordinate that was measured by hand
 _OFF_M = 0.3  # a place nearer to the list than this is the list's
 _ALIKE_M = 0.6  # a place this near to one of the list may be that, with a wrong height
+_UNSURE_M = 1.0  # and not more for want of sureness
 _PAIRS = 12  # of anchors, the widest ones, by which a list is recognized
 
 
@@ -22,7 +23,8 @@ class Framed:
     """Anchors in the frame of a survey.
 
     `position` has shape (n, 3), `covariance` (3n, 3n). `pose` is that of the frame of the start in
-    this one: x, y [m] and heading [rad].
+    this one: x, y [m] and heading [rad]; before that, y is taken times `side`, which is -1 where
+    a list shows that all was mirrored, 0 where nothing shows it.
     """
 
     names: list[str]
@@ -30,6 +32,7 @@ class Framed:
     covariance: FloatArray
     sentence: str
     pose: FloatArray = field(default_factory=lambda: np.zeros(3))
+    side: int = 1
 
     @property
     def turn(self) -> float:
@@ -38,56 +41,92 @@ class Framed:
 
     def moved(self, points: FloatArray) -> FloatArray:
         """Return points of the frame of the start, shape (n, 3), in this one."""
-        return _moved(points, self.pose)
+        return _moved(points * [1.0, self.sign, 1.0], self.pose)
+
+    @property
+    def sign(self) -> float:
+        """What y is taken times."""
+        return -1.0 if self.side < 0 else 1.0
 
 
-def in_frame(
-    names: list[str],
-    position: FloatArray,
-    covariance: FloatArray,
-    *,
-    measured: Columns | None,
-    frame: tuple[str, str] | None,
-    listed: Columns | None,
-    of_start: str,
-    is_given: bool,
-) -> Framed:
-    """Return anchors in the frame that was asked for.
+@dataclass(frozen=True)
+class Wanted:
+    """Which frame is asked for.
 
-    Parameters
+    Attributes
     ----------
-    names : list of str
-    position : float64 array, shape (n, 3)
-        In the frame of the start, metres.
-    covariance : float64 array, shape (3n, 3n)
-    measured : dict of arrays, optional
+    measured : dict of arrays or None
         With x and y of at least two anchors it is the frame, and corrects the others.
-    frame : (str, str), optional
+    frame : (str, str) or None
         The origin, and an anchor on the positive x axis.
-    listed : dict of arrays, optional
+    listed : dict of arrays or None
         A list that the result is laid onto as a whole.
     of_start : str
         The sentence of the frame where there is none of these.
     is_given : bool
         Whether positions or poses give that, so that no list is needed.
+    is_side_open : bool
+        Whether all may be mirrored: a list of three anchors shows it.
     """
-    known = [] if measured is None else _rows(names, measured)
-    if measured is not None and len(known) >= 2:
-        return _by_measured(names, position, covariance, known)
-    if frame is not None and set(frame) <= set(names):
-        a, b = (names.index(name) for name in frame)
-        sentence = f"the origin is {frame[0]}, x points to {frame[1]}"
-        return _laid(names, position, covariance, sentence, lambda at: _onto_axis(at, a, b))
-    if listed is not None and frame is None and not is_given:
-        rows = _recognized(names, position, covariance, listed)
-        if len(rows) >= 2:
-            return _onto_list(names, position, covariance, rows, _listed(listed))
-    return Framed(names, position, covariance, of_start)
+
+    measured: Columns | None
+    frame: tuple[str, str] | None
+    listed: Columns | None
+    of_start: str
+    is_given: bool
+    is_side_open: bool
+
+    def of(self, names: list[str], position: FloatArray, covariance: FloatArray) -> Framed:
+        """Return anchors (n, 3) of the frame of the start, with their covariance, in it."""
+        side = _side(names, position, covariance, self.listed) if self.is_side_open else 1
+        if side < 0:
+            flip = np.tile([1.0, -1.0, 1.0], len(names))
+            position = position * [1.0, -1.0, 1.0]
+            covariance = flip[:, None] * covariance * flip
+        return replace(self._of(names, position, covariance), side=side)
+
+    def _of(self, names: list[str], position: FloatArray, covariance: FloatArray) -> Framed:
+        known = [] if self.measured is None else _rows(names, self.measured)
+        if len(known) >= 2:
+            return _by_measured(names, position, covariance, known)
+        if self.frame is not None and set(self.frame) <= set(names):
+            a, b = (names.index(name) for name in self.frame)
+            sentence = f"the origin is {self.frame[0]}, x points to {self.frame[1]}"
+            return _laid(names, position, covariance, sentence, lambda at: _onto_axis(at, a, b))
+        if self.listed is not None and self.frame is None and not self.is_given:
+            rows = _recognized(names, position, covariance, self.listed)
+            if len(rows) >= 2:
+                return _onto_list(names, position, covariance, rows, _listed(self.listed))
+        return Framed(names, position, covariance, self.of_start)
+
+
+def _side(
+    names: list[str], position: FloatArray, covariance: FloatArray, listed: Columns | None
+) -> int:
+    """Return 1 or -1 where a list says so by at least three anchors, else 0."""
+    if listed is None:
+        return 0
+    places = _listed(listed)
+    found = {}
+    for side in (1, -1):
+        at = position * [1.0, side, 1.0]
+        rows = _recognized(names, at, covariance, listed)
+        if len(rows) >= 3:
+            laid = _onto_list(names, at, covariance, rows, places)
+            off = [laid.position[names.index(a), :2] - places[b] for a, b in rows.items()]
+            error = float(np.sqrt(np.mean(np.square(off))))
+            found[side] = (len(rows), sum(a == b for a, b in rows.items()), -error)
+    if not found:
+        return 0
+    best = max(found, key=lambda side: found[side])
+    other = found.get(-best)
+    clear = other is None or found[best][:2] > other[:2] or 2.0 * found[best][2] > other[2]
+    return best if clear else 0
 
 
 def differences(framed: Framed, listed: Columns | None) -> tuple[str, ...]:
     """Say which anchors of a list are swapped, and which stand elsewhere."""
-    if listed is None:
+    if listed is None or framed.side == 0:
         return ()
     places = {name: at for name, at in _listed(listed).items() if name in framed.names}
     if len(places) < 3:
@@ -259,7 +298,7 @@ def _recognized(
     if len(names) < 2 or len(called) < 2:
         return {}
     itself = _laid(names, position, covariance, "", lambda at: _fit(at[:, :2], position[:, :2]))
-    unsure = 3.0 * max(_sigma(itself, row) for row in range(len(names)))
+    unsure = min(3.0 * max(_sigma(itself, row) for row in range(len(names))), _UNSURE_M)
     theirs = np.array(list(places.values())).reshape(-1, 2)
     mine = position[:, :2]
     pairs = sorted(combinations(range(len(names)), 2),

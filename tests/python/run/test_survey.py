@@ -185,6 +185,85 @@ def test_heights_that_nobody_knows_are_found() -> None:
         assert abs(a.position[2] - z) < 3.5 * np.sqrt(a.covariance[2, 2])
 
 
+def laid_onto(at: FloatArray, anchors: FloatArray) -> FloatArray:
+    """Return the errors of places (n, 2) that are laid onto others as a whole, mirrored or not."""
+    p, q = at - at.mean(axis=0), anchors - anchors.mean(axis=0)
+    u, _, v = np.linalg.svd(p.T @ q)
+    error: FloatArray = p @ u @ v - q
+    return error
+
+
+def test_a_tag_alone_finds_anchors_without_odometry() -> None:
+    nees, errors = [], []
+    for seed in range(15):
+        config, log, anchors = room(seed)
+        alone = {name: table for name, table in log.tables.items() if name != "odometry"}
+        found = survey(config, replace(log, tables=alone))
+        assert not found.findings  # the list shows which side is which
+        off = placed(found)[:, :2] - anchors[:, :2]
+        errors.append(np.sqrt(np.mean(np.sum(laid_onto(placed(found)[:, :2], anchors[:, :2]) ** 2,
+                                             axis=1))))  # fmt: skip
+        assert np.hypot(*off.T).max() < 0.4
+        nees.append(np.mean([e @ np.linalg.solve(a.covariance[:2, :2], e)
+                             for e, a in zip(off, found.anchors, strict=True)]))  # fmt: skip
+    assert np.median(errors) < 0.05
+    assert 1.0 < np.mean(nees) < 3.8  # of 2
+
+
+def test_without_a_list_a_tag_alone_may_be_mirrored() -> None:
+    config, log, anchors = room(6)
+    alone = {name: log[name] for name in ("ranges", "truth")}
+    found = survey(config, replace(log, tables=alone), frame=("A0", "A1"))
+    assert {a.word for a in found.anchors[2:]} == {"two places"}
+    assert any("may" in text or "mirrored" in text for text in found.findings)
+    assert not found.advice
+    assert np.hypot(*laid_onto(placed(found)[:, :2], anchors[:, :2]).T).max() < 0.4
+    for a in found.anchors:
+        if a.other is not None:
+            assert a.other[1] == pytest.approx(-a.position[1], abs=0.2)
+
+
+@pytest.mark.parametrize("told", [{}, {"range": {"sigma_m": 0.1}}])
+def test_a_trolley_without_wheels_finds_the_anchors_around_it(told: dict[str, Any]) -> None:
+    recording("lias-planar")
+    config = load_config(ROOT / "examples/configs/lias_triangle.yaml")
+    if told:
+        dumped = config.model_dump(mode="json", exclude_unset=True)
+        config = parse_config({**dumped, "estimator": told})
+    log = load_log(config, ROOT / "examples/configs", 0)
+    found = survey(config, log)
+    listed = log["anchors"]
+    assert not found.findings
+    for a in found.anchors:
+        (row,) = np.flatnonzero(listed["anchor"] == a.name)
+        off = a.position[:2] - [listed["x_m"][row], listed["y_m"][row]]
+        assert np.hypot(*off) < max(0.1, 3.0 * a.sigma_m)
+        assert np.hypot(*off) < 0.2
+
+
+def test_places_of_tags_on_the_robot_are_found() -> None:
+    squares, nees = [], []
+    for seed in range(12):
+        config, _, anchors = room(seed)
+        dumped = config.model_dump(mode="json", exclude_unset=True)
+        dumped["simulation"]["tags"] = {"tag": [0.3, -0.2, 0.5]}
+        config = parse_config(dumped)
+        log = load_log(config, None, seed)
+        wrong = np.array([0.3, -0.2]) + np.random.default_rng(seed).normal(0.0, 0.3, 2)
+        log = replace(log, tags={"tag": (float(wrong[0]), float(wrong[1]), 0.5)})
+        found = survey(config, log, frame=("A0", "A1"), sigma_tag_m=0.3)
+        (tag,) = found.tags
+        assert tag.name == "tag"
+        assert tag.sigma_m < 0.02
+        squares.append(np.sum((tag.position - [0.3, -0.2]) ** 2) / tag.sigma_m**2)
+        error = (placed(found)[:, :2] - onto_axis(anchors[:, :2]))[2]
+        nees.append(error @ np.linalg.solve(found.anchors[2].covariance[:2, :2], error))
+    assert np.mean(squares) < 3.5  # of 2 at the most, over 12 rooms: 99 %
+    assert 0.9 < np.mean(nees) < 3.7
+    with pytest.raises(ConfigError, match="sigma of tags is -1"):
+        survey(config, log, sigma_tag_m=-1.0)
+
+
 def test_points_that_were_measured_are_the_frame() -> None:
     config, log, anchors = room(5)
     turned = onto_axis(anchors[:, :2]) + np.array([100.0, -50.0])
