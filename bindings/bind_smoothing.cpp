@@ -150,7 +150,8 @@ void bind_survey(py::module_& m) {
   py::enum_<SurveyStatus>(m, "SurveyStatus", "How well the place of a surveyed anchor is known.")
       .value("PLACED", SurveyStatus::kPlaced, "one place fits")
       .value("TWO_PLACES", SurveyStatus::kTwoPlaces, "its mirror image fits as well")
-      .value("NOT_PLACED", SurveyStatus::kNotPlaced, "its ranges leave a whole curve");
+      .value("NOT_PLACED", SurveyStatus::kNotPlaced,
+             "its ranges leave a whole curve, or most are rejected");
   py::class_<KnownHeight>(m, "KnownHeight", "The height of an anchor, where it is known.")
       .def(py::init([](locfuse::Id anchor, double height_m, double sigma_m) {
              return KnownHeight{anchor, height_m, sigma_m};

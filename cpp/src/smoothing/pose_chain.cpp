@@ -70,9 +70,11 @@ struct RangeVariables {
   Anchor anchor;                         ///< as the map has them
   Vector<3> tag = Vector<3>::Zero();
 
+  bool climbs;
+
   RangeVariables(const Anchor& of_anchor, const SharedPlaces& radio, const Tag& of_tag,
-                 const SharedPlaces& arm)
-      : anchor(of_anchor), tag(of_tag.position) {
+                 const SharedPlaces& arm, bool has_climb)
+      : anchor(of_anchor), tag(of_tag.position), climbs(has_climb) {
     int count = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
       const int variable = i == kForward ? arm[0] : i == kLeft ? arm[1] : radio[i];
@@ -92,13 +94,27 @@ struct RangeVariables {
                                                       const Range& z, const Values& values) const {
     const double offset = value(kOffset, values, 0.0);
     const double scale = value(kScale, values, 0.0);
+    const double z_of_anchor = climbs ? tag.z() : value(kZ, values, anchor.position.z());
     const Anchor at{anchor.id,
                     {value(kX, values, anchor.position.x()), value(kY, values, anchor.position.y()),
-                     value(kZ, values, anchor.position.z())},
+                     z_of_anchor},
                     anchor.offset + offset,
                     anchor.scale + scale};
     const Vector<3> arm(value(kForward, values, tag.x()), value(kLeft, values, tag.y()), tag.z());
-    const auto lin = model.linearize_with_places(pose, z, at, arm);
+    auto lin = model.linearize_with_places(pose, z, at, arm);
+    double by_climb = 0.0;
+    if (lin && climbs) {  // of the distance in the plane until here
+      const double flat = (z.range - lin->residual(0) - at.offset) / at.scale;
+      const double squared = flat * flat + value(kZ, values, 0.0);
+      constexpr double kLeast = 1e-6;
+      if (!(squared > kLeast)) {
+        return std::nullopt;
+      }
+      const double distance = std::sqrt(squared);
+      lin->residual(0) = z.range - at.scale * distance - at.offset;
+      lin->jacobian *= flat / distance;
+      by_climb = 0.5 * at.scale / distance;
+    }
     auto rows = rows_of(lin);
     if (!rows) {
       return rows;
@@ -110,7 +126,7 @@ struct RangeVariables {
     };
     put(kX, lin->jacobian(3));
     put(kY, lin->jacobian(4));
-    put(kZ, lin->jacobian(5));
+    put(kZ, climbs ? by_climb : lin->jacobian(5));
     put(kForward, lin->jacobian(6));
     put(kLeft, lin->jacobian(7));
     put(kOffset, 1.0);
@@ -164,7 +180,13 @@ class Builder {
     anchor_places_ = places_of("anchor", anchors, config.anchors);
     for (std::size_t i = 0; i < anchors.size(); ++i) {
       SharedPlaces radio = kNothingShared;
-      share(anchor_places_[i], anchors[i].position, 3, radio);
+      const UncertainPlace* place = anchor_places_[i];
+      Vector<3> guess = anchors[i].position;
+      if (place != nullptr && place->climbs) {
+        const double climb = guess.z() - height_of_tags();
+        guess.z() = climb * climb;
+      }
+      share(place, guess, 3, radio);
       radio[kOffset] = share({0.0, 0.0, sigma_offset});
       radio[kScale] = share({0.0, 0.0, errors.sigma_anchor_scale});
       chain_.radios.push_back(radio);
@@ -202,8 +224,9 @@ class Builder {
       made.linearize = [](const Pose2&, const Values&) { return std::nullopt; };
       return measure(z, z, std::move(made), models_->range_gate, models_->estimator.range.noise);
     }
+    const bool climbs = anchor_places_[anchor] != nullptr && anchor_places_[anchor]->climbs;
     const RangeVariables variables(anchors[anchor], chain_.radios[anchor], tags[tag],
-                                   chain_.tags[tag]);
+                                   chain_.tags[tag], climbs);
     made.shared = variables.listed;
     made.linearize = [models = models_, z, variables, more = wandering_](const Pose2& pose,
                                                                          const Values& values) {
@@ -339,6 +362,9 @@ class Builder {
   [[nodiscard]] static Reason why(const PoseObservation& /*z*/) { return Reason::kNoSigma; }
   [[nodiscard]] Reason why(const RangeBearing& z) const { return why_not(*models_->landmarks, z); }
 
+  [[nodiscard]] double height_of_tags() const {
+    return models_->range.tags().empty() ? 0.0 : models_->range.tags().front().position.z();
+  }
   /// A new variable unless its sigma is 0; its number, or -1.
   int share(const SharedVariable& variable) {
     if (!(variable.sigma > 0.0)) {
@@ -350,7 +376,7 @@ class Builder {
   void share(const UncertainPlace* place, const Vector<3>& guess, int axes, SharedPlaces& places) {
     for (int axis = 0; place != nullptr && axis < axes; ++axis) {
       places[static_cast<std::size_t>(axis)] =
-          share({guess(axis), place->mean(axis), place->sigma_m(axis)});
+          share({guess(axis), place->mean(axis), place->sigma_m(axis), axis == 2 && place->climbs});
     }
   }
   template <class Places>

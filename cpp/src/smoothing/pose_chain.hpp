@@ -24,6 +24,7 @@ struct SharedVariable {
   double guess = 0.0;
   double mean = 0.0;  ///< before anything is measured
   double sigma = 0.0;
+  bool is_climb = false;  ///< a squared height over the tags
 };
 
 /// Shared variables of one measurement, at the most: a range's anchor (x, y, z), its tag (forward,

@@ -337,10 +337,15 @@ class Batch {
     }
     const Batch first = *this;
     const Smoothed found_first = found;
-    begin();
-    solve(found, 1e-6, true);
-    decide(found);
-    if (total(found_first, first.inside_) <= total(found, inside_)) {
+    bool is_solved = true;
+    try {
+      begin();
+      solve(found, 1e-6, true);
+      decide(found);
+    } catch (const NumericalError&) {
+      is_solved = false;
+    }
+    if (!is_solved || total(found_first, first.inside_) <= total(found, inside_)) {
       poses_ = first.poses_;
       shared_ = first.shared_;
       inside_ = first.inside_;
@@ -407,10 +412,19 @@ class Batch {
         into = shared_[static_cast<std::size_t>(variable)];
       }
     };
+    std::vector<double> slopes;  // of the coordinates by their variables
     const auto place = [&](const internal::SharedPlaces& variables, Eigen::Index axes, auto& into) {
       for (Eigen::Index axis = 0; axis < axes; ++axis) {
-        columns.push_back(variables[static_cast<std::size_t>(axis)]);
-        read(columns.back(), into(axis));
+        const int variable = variables[static_cast<std::size_t>(axis)];
+        columns.push_back(variable);
+        slopes.push_back(1.0);
+        read(variable, into(axis));
+        if (variable >= 0 && chain_.shared[static_cast<std::size_t>(variable)].is_climb) {
+          // Near 0 a square root has no slope: its error is that of the root of a sigma there.
+          const double sigma = std::sqrt(covariance(variable, variable));
+          slopes.back() = 0.5 / std::sqrt(std::max(into(axis), sigma));
+          into(axis) = world.tags.front().position.z() + std::sqrt(std::max(into(axis), 0.0));
+        }
       }
     };
     for (std::size_t i = 0; i < found.anchors.size(); ++i) {
@@ -442,7 +456,9 @@ class Batch {
       for (Eigen::Index j = 0; j < size; ++j) {
         const int a = columns[static_cast<std::size_t>(i)];
         const int b = columns[static_cast<std::size_t>(j)];
-        found.places_covariance(i, j) = a >= 0 && b >= 0 ? covariance(a, b) : 0.0;
+        const double slope =
+            slopes[static_cast<std::size_t>(i)] * slopes[static_cast<std::size_t>(j)];
+        found.places_covariance(i, j) = a >= 0 && b >= 0 ? slope * covariance(a, b) : 0.0;
       }
     }
   }

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "estimators/recipe.hpp"
+#include "locfuse/error.hpp"
 #include "locfuse/frontends/locate.hpp"
 #include "locfuse/geometry/rigid_fit.hpp"
 #include "locfuse/models/measurement/range_bearing.hpp"
@@ -27,7 +28,7 @@ struct Tuning {
   static constexpr double kGrowth = 1.4;        ///< of each further part
   static constexpr int kSamples = 60;           ///< ranges by which an anchor is first placed
   static constexpr double kAnywhere_m = 1e4;    ///< sigma of a place of which nothing is known
-  static constexpr double kHeight_m = 3.0;      ///< sigma of the height of an anchor over the tags
+  static constexpr double kClimb_m = 7.0;       ///< sigma of the height of an anchor over the tags
   static constexpr double kLevel_m = 1e-3;      ///< of tags at one height
   static constexpr std::size_t kMostRanges = 30000;
   static constexpr int kEpochs = 300;          ///< by which ranges are unfolded
@@ -49,6 +50,7 @@ struct Sample {
   Vector<3> tag;  ///< in the frame of the start
   double range;   ///< without the errors of the anchor that are known
   double sigma;
+  double unsure;  ///< sigma of the tag, which is much the same in the next samples
 };
 
 /// Poses at increasing stamps.
@@ -419,8 +421,11 @@ class Surveyor {
       UncertainPlace uncertain{id, Vector<3>::Zero(), Vector<3>::Constant(Tuning::kAnywhere_m)};
       uncertain.guess_sigma_m = rough_.count(id) > 0 ? rough_.at(id) : 0.0;
       const std::optional<KnownHeight> height = height_of(id);
-      uncertain.mean.z() = height ? height->height_m : height_of_tags();
-      uncertain.sigma_m.z() = height ? height->sigma_m : Tuning::kHeight_m;
+      uncertain.climbs = !height && is_level();
+      uncertain.mean.z() = height ? height->height_m : uncertain.climbs ? 0.0 : height_of_tags();
+      uncertain.sigma_m.z() = height             ? height->sigma_m
+                              : uncertain.climbs ? Tuning::kClimb_m * Tuning::kClimb_m
+                                                 : Tuning::kClimb_m;
       config.anchors.push_back(uncertain);
     }
     std::vector<Landmark> landmarks;
@@ -432,28 +437,16 @@ class Surveyor {
     world.anchors = std::make_shared<const AnchorMap>(std::move(anchors));
     world.landmarks.map = std::make_shared<const LandmarkMap>(std::move(landmarks));
     Smoothed found = smooth(config, world, start_, until(stamp));
-    raise(found);
     take(found);
     return found;
   }
 
-  /// Of the two heights that fit alike takes the one above the tags, if those are level.
-  void raise(Smoothed& found) const {
+  /// Whether all tags are at one height, above which an anchor fits as below it.
+  [[nodiscard]] bool is_level() const {
     const double level = height_of_tags();
-    if (std::any_of(world_.tags.begin(), world_.tags.end(), [&](const Tag& tag) {
-          return std::abs(tag.position.z() - level) > Tuning::kLevel_m;
-        })) {
-      return;
-    }
-    for (std::size_t i = 0; i < found.anchors.size(); ++i) {
-      double& height = found.anchors[i].position.z();
-      if (!height_of(found.anchors[i].id) && height < level) {
-        height = 2.0 * level - height;
-        const auto row = 3 * static_cast<Eigen::Index>(i) + 2;
-        found.places_covariance.row(row) *= -1.0;
-        found.places_covariance.col(row) *= -1.0;
-      }
-    }
+    return std::all_of(world_.tags.begin(), world_.tags.end(), [&](const Tag& tag) {
+      return std::abs(tag.position.z() - level) < Tuning::kLevel_m;
+    });
   }
 
   void take(const Smoothed& found) {
@@ -479,7 +472,7 @@ class Surveyor {
         continue;
       }
       const auto found = places(id, samples(id, track, stamp));
-      if (found.size() == 1 && found.front().is_rough) {
+      if (found.size() == 1 && found.front().is_rough && found.front().is_followed) {
         placed_[id] = found.front().position;
         rough_[id] = found.front().sigma;
         more = true;
@@ -551,9 +544,9 @@ class Surveyor {
       const double own = z.sigma.value_or(
           std::hypot(estimator.range.sigma_m, estimator.range.sigma_relative * range));
       way.push_back(all.empty() ? 0.0 : way.back() + (tag - all.back().tag).norm());
-      all.push_back(
-          {tag, range,
-           std::hypot(own, at.sigma_position(), estimator.calibration.sigma_anchor_offset_m)});
+      const double unsure = at.sigma_position();
+      const double offset = estimator.calibration.sigma_anchor_offset_m;
+      all.push_back({tag, range, std::hypot(own, unsure, offset), unsure});
     }
     if (static_cast<int>(all.size()) <= Tuning::kSamples) {
       return all;
@@ -570,8 +563,9 @@ class Surveyor {
 
   struct Place {
     Vector<3> position;
-    double sigma;   ///< in the plane
-    bool is_rough;  ///< good enough to begin with
+    double sigma;      ///< in the plane
+    bool is_rough;     ///< good enough to begin with
+    bool is_followed;  ///< by a robot that knows its own place as well as that
   };
 
   /// Every place in the plane that fits the samples, the best one first.
@@ -596,16 +590,22 @@ class Surveyor {
     }
     LocateOptions options;
     options.loss = {RangeLossKind::kCauchy, 0.0};
+    double unsure = 0.0;
+    for (const Sample& one : some) {
+      unsure += one.unsure / static_cast<double>(some.size());
+    }
     std::vector<Place> found;
     for (const PositionHypothesis& one : locate(table, ranges, sigma, options).hypotheses) {
-      Place place{Vector<3>::Zero(), 0.0, false};
+      Place place{Vector<3>::Zero(), 0.0, false, false};
       place.position.head<2>() = one.position.head<2>();
       // Of the two heights that fit the upper one.
       place.position.z() = height ? height->height_m
                                   : height_of_tags() + std::abs(one.position(2) - height_of_tags());
       const Matrix<2, 2> P = one.covariance.topLeftCorner<2, 2>();
       place.sigma = P.allFinite() ? std::sqrt(std::max(P.trace(), 0.0)) : Tuning::kAnywhere_m;
-      place.is_rough = place.sigma < Tuning::kRough_m + Tuning::kRoughShare * ranges.mean();
+      const double rough = Tuning::kRough_m + Tuning::kRoughShare * ranges.mean();
+      place.is_rough = place.sigma < rough;
+      place.is_followed = unsure < rough;
       const bool is_twin = std::any_of(found.begin(), found.end(), [&](const Place& other) {
         return (other.position - place.position).head<2>().norm() < 3.0 * place.sigma;
       });
@@ -674,7 +674,7 @@ class Surveyor {
       // All together: about the line of the drive, whose curves go with them.
       std::vector<Sample> drive;
       for (const PoseEstimate& one : found.poses) {
-        drive.push_back({{one.pose.x, one.pose.y, 0.0}, 0.0, 1.0});
+        drive.push_back({{one.pose.x, one.pose.y, 0.0}, 0.0, 1.0, 0.0});
       }
       const Vector<2> ahead(std::cos(start_.pose.heading), std::sin(start_.pose.heading));
       const std::optional<Line> line =
@@ -698,7 +698,14 @@ class Surveyor {
     for (const auto& [id, image] : images) {
       placed_[id] = image;
     }
-    Smoothed other = smooth_to(end_);
+    Smoothed other;
+    try {
+      other = smooth_to(end_);
+    } catch (const NumericalError&) {  // it fits nowhere
+      placed_ = placed;
+      rough_ = rough;
+      return;
+    }
     const double worse = squares(other) - squares(found);
     const bool is_better = worse < 0.0;
     for (const auto& [id, image] : images) {
@@ -784,10 +791,12 @@ class Surveyor {
           const auto at = 3 * static_cast<Eigen::Index>(i);
           one.anchor = found.anchors[i];
           one.covariance = found.places_covariance.block<3, 3>(at, at);
-          one.status = SurveyStatus::kPlaced;
+          one.status =
+              2 * one.rejected > one.ranges ? SurveyStatus::kNotPlaced : SurveyStatus::kPlaced;
         }
       }
-      if (const auto other = others.find(id); other != others.end()) {
+      const auto other = others.find(id);
+      if (other != others.end() && one.status == SurveyStatus::kPlaced) {
         one.status = SurveyStatus::kTwoPlaces;
         one.other = other->second;
       }

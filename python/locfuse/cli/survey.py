@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -45,6 +46,8 @@ def survey(
         parsed = with_log(parsed, log, base)
         base = Path()
     check_folder(out)
+    if height is not None and not math.isfinite(height):
+        raise ValueError(f"--height is {height:g}, expected metres")
     axes = None
     if frame is not None:
         names = [name.strip() for name in frame.split(",")]

@@ -24,6 +24,7 @@ from locfuse.run.run import load_log
 from locfuse.run.start import given_start, start_from_nothing, start_of
 from locfuse.run.survey_frame import Framed, Wanted, differences, stands_for
 from locfuse.types import (
+    NANOSECONDS,
     Columns,
     ConfigError,
     FloatArray,
@@ -47,6 +48,8 @@ _OPEN_SIDE = ("without odometry one tag does not show whether all is mirrored: c
               "one anchor")  # fmt: skip
 _FOUND = ("sigma_anchor_offset_m", "sigma_anchor_scale")
 _SAME_M = 0.05  # nearer than this a mirrored place is no other one
+_TOO_MANY = 0.3  # of all ranges rejected: the drive is in doubt
+_FARTHEST_M = 1e7
 _EXACT = 1e-6  # sigma of the pose that is the frame [m] and [rad]
 _AXES = ("x_m", "y_m", "z_m")
 
@@ -67,8 +70,8 @@ class SurveyedAnchor:
     ranges, rejected : int
         From the start on, and of those how many were judged wrong.
     word : str
-        ``good``, ``weak`` (its place adds more than an eighth to the variance of a range), ``two
-        places`` or ``not placed``.
+        ``good``, ``weak`` (its place adds more than an eighth to the variance of a range),
+        ``doubtful`` (parts of the drive may not fit together), ``two places`` or ``not placed``.
     other : float64 array, shape (3,), or None
         Of ``two places`` the other one.
     """
@@ -194,6 +197,8 @@ def survey(
         log = with_poses_of(localize(config, log), log, config.mcl.poses_hz or 2.0)
     messages = to_messages(log, config)
     names = messages.anchor_names
+    if measured is not None and frame is not None:
+        raise LogError("measured places and two anchors both give a frame; leave one of them out")
     _check_names(measured, frame, names)
     heights = _heights(names, listed, measured, height_m)
     anchors = build_anchors(log.tables.get("anchors"), names, config.anchors)
@@ -217,29 +222,39 @@ def survey(
         found = _core.survey(settings, world, start, messages.log,
                              [_core.KnownHeight(i, z) for i, z in heights.items()], arms,
                              progress)  # fmt: skip
-        return found, _framed(found, names, wanted)
+        open_ones = frozenset(names[one.anchor.id] for one in found.anchors
+                              if one.status.name == "TWO_PLACES")  # fmt: skip
+        asked = wanted if wanted.is_side_open else replace(wanted, two_places=open_ones)
+        return found, _framed(found, names, asked)
 
     found, framed = found_with(heights)
     if by_ranges and not framed.names:
         raise LogError("the log has no odometry, positions or poses that the configuration uses, "
                        "and ranges alone place anchors where three or more are received together "
                        "along a way that is no line")  # fmt: skip
-    elsewhere = stands_for(framed, listed) if height_m is None else {}
+    is_open = any(one.other is not None for one in found.anchors) and framed.side != -1
+    elsewhere = stands_for(framed, listed) if height_m is None and not is_open else {}
     theirs = {names.index(a): heights[names.index(b)] for a, b in elsewhere.items()
               if b in names and names.index(b) in heights}  # fmt: skip
     if any(heights.get(anchor) != height for anchor, height in theirs.items()):
         found, framed = found_with({**heights, **theirs})
     surveyed = _surveyed(found, names, framed, settings, _others(found, names, framed, wanted))
-    estimate = _track(found.smoothed, framed)
+    apart = _apart(found, messages, log, framed, names)
+    if apart:
+        surveyed = tuple(replace(a, word="doubtful") if a.word in ("good", "weak") else a
+                         for a in surveyed)  # fmt: skip
+    is_open = any(a.other is not None for a in surveyed)
     result = SurveyResult(
         anchors=surveyed,
-        landmarks=_landmarks(found.smoothed, messages, 3 * len(framed.names), framed),
-        estimate=estimate,
+        landmarks=_landmarks(found.smoothed, messages, framed),
+        estimate=_track(found.smoothed, framed),
         frame=framed.sentence,
         findings=(
-            *differences(framed, listed),
-            *_moved(found, messages, log, framed, names),
+            *apart,
+            *(() if is_open or apart else differences(framed, listed)),
+            *(() if apart else _moved(found, messages, log, framed, names).values()),
             *([_OPEN_SIDE] if framed.side == 0 else []),
+            *(() if apart else _rejected(surveyed)),
             *_long_ranges(surveyed, settings),
         ),
         tags=_tags(found.smoothed, messages.tag_names) if arms else (),
@@ -252,10 +267,11 @@ def _framed(
 ) -> Framed:
     """Return what is placed in the frame that is wanted, or what it is if all is mirrored."""
     placed = [one for one in found.anchors if one.status.name != "NOT_PLACED"]
+    order = {one.id: row for row, one in enumerate(found.smoothed.anchors)}
+    rows = [3 * order[one.anchor.id] + axis for one in placed for axis in range(3)]
     at = [one.other if other and one.other is not None else one.anchor.position for one in placed]
-    size = 3 * len(placed)
     return wanted.of([names[one.anchor.id] for one in placed], np.array(at).reshape(-1, 3),
-                     np.asarray(found.smoothed.places_covariance)[:size, :size])  # fmt: skip
+                     np.asarray(found.smoothed.places_covariance)[np.ix_(rows, rows)])  # fmt: skip
 
 
 def _others(
@@ -411,10 +427,9 @@ def _track(smoothed: _core.Smoothed, framed: Framed) -> Trajectory:
     return Trajectory(smoothed.stamp_ns, at, heading, R @ smoothed.covariances @ R.T)
 
 
-def _landmarks(
-    smoothed: _core.Smoothed, messages: Messages, first: int, framed: Framed
-) -> MappedLandmarks:
-    """Return the landmarks; columns of the covariance begin at `first`."""
+def _landmarks(smoothed: _core.Smoothed, messages: Messages, framed: Framed) -> MappedLandmarks:
+    """Return the landmarks, whose rows of the covariance follow those of all anchors."""
+    first = 3 * len(smoothed.anchors)
     names, count = messages.landmark_names, len(smoothed.landmarks)
     at = np.array([one.position for one in smoothed.landmarks]).reshape(-1, 2)
     at = framed.moved(np.column_stack([at, np.zeros(count)]))[:, :2]
@@ -444,14 +459,14 @@ def _tags(smoothed: _core.Smoothed, names: list[str]) -> tuple[SurveyedTag, ...]
 
 def _moved(
     found: _core.Survey, messages: Messages, log: Log, framed: Framed, names: list[str]
-) -> list[str]:
-    """Name the anchors whose ranges are wrong from one time on, or until then."""
+) -> dict[str, str]:
+    """Return a sentence for each anchor whose ranges are wrong from one time on, or until then."""
     least, share = 20, 0.8
     verdict = np.asarray(found.smoothed.verdict)
     wrong = verdict == int(_core.Verdict.GATED)
     poses = np.asarray(found.smoothed.poses)
     stamps = np.asarray(found.smoothed.stamp_ns)
-    sentences = []
+    sentences = {}
     for name in framed.names:
         mine = np.flatnonzero((messages.source == "ranges") & (messages.anchor == name)
                               & (messages.stamp_ns >= stamps[0]))  # fmt: skip
@@ -483,8 +498,40 @@ def _moved(
         if spots:
             at_xy = (f"({x:.1f}, {y:.1f})" for x, y, _ in framed.moved(np.array(spots)).tolist())
             text += f" They fit a place near {' or '.join(at_xy)}"
-        sentences.append(text)
+        sentences[name] = text
     return sentences
+
+
+def _apart(
+    found: _core.Survey, messages: Messages, log: Log, framed: Framed, names: list[str]
+) -> tuple[str, ...]:
+    """Say why the parts of a drive may not fit together, if they may not."""
+    longest_s = 1.0
+    begin = int(np.asarray(found.smoothed.stamp_ns)[0])
+    stamps = messages.stamp_ns[(messages.source == "odometry") & (messages.stamp_ns >= begin)]
+    if len(stamps) > 1:
+        gaps = np.diff(np.sort(stamps)) / NANOSECONDS
+        at = int(np.argmax(gaps))
+        if gaps[at] > max(longest_s, 20.0 * float(np.median(gaps))):
+            when = (np.sort(stamps)[at] - begin) / NANOSECONDS
+            return (f"odometry is missing for {gaps[at]:.1f} s from {when:.0f} s on: what is found "
+                    "before and after may not fit together; cut the log there",)  # fmt: skip
+    count = sum(one.ranges for one in found.anchors)
+    share = sum(one.rejected for one in found.anchors) / max(count, 1)
+    if share > _TOO_MANY:
+        return (f"{share:.0%} of all ranges are rejected: they do not fit the odometry; is that in "
+                "metres and radians?",)  # fmt: skip
+    moved = _moved(found, messages, log, framed, names)
+    if len(moved) > 1:
+        return (f"ranges of {', '.join(moved)} are wrong in one part of the drive: its parts do "
+                "not fit together; is odometry right all the time?",)  # fmt: skip
+    return ()
+
+
+def _rejected(anchors: tuple[SurveyedAnchor, ...]) -> Iterator[str]:
+    """Name anchors most of whose ranges fit no place."""
+    if bad := [a.name for a in anchors if 2 * a.rejected > a.ranges > 0]:
+        yield f"most ranges of {', '.join(bad)} fit no place"
 
 
 def _long_ranges(
@@ -503,7 +550,8 @@ def _advised(result: SurveyResult, sigma_range: float) -> SurveyResult:
     """Return the result with the stop that would make the worst anchors surest."""
     words = ("weak",) if _OPEN_SIDE in result.findings else ("weak", "two places")
     unsure = [a for a in result.anchors if a.word in words]
-    missing = [a.name for a in result.anchors if a.word == "not placed"]
+    missing = [a.name for a in result.anchors
+               if a.word == "not placed" and 2 * a.rejected <= a.ranges]  # fmt: skip
     way = result.estimate.position
     if len(way) and float(np.ptp(way, axis=0).max()) < 0.5 and (unsure or missing):
         return replace(result, advice="the robot hardly moved: drive some metres, with turns")
@@ -563,6 +611,8 @@ def read_measured(path: Path) -> Columns:
                 at[-1].append(float(cell) if cell.strip() else np.nan)
             except ValueError:
                 raise LogError(f"{path}, line {line}: {shown(cell)} is not a number") from None
+            if cell.strip() and not abs(at[-1][-1]) <= _FARTHEST_M:
+                raise LogError(f"{path}, line {line}: {shown(cell)} is no place in metres")
     table = np.array(at).reshape(-1, 3)
     return {"anchor": np.array(names, dtype=str),
             **{axis: table[:, k].copy() for k, axis in enumerate(_AXES)}}  # fmt: skip

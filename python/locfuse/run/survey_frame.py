@@ -9,9 +9,10 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from locfuse.types import Columns, FloatArray
+from locfuse.types import Columns, FloatArray, LogError
 
 _MEASURED_M = 0.02  # sigma of a coordinate that was measured by hand
+_SLACK_M = 0.1  # of what is still no contradiction
 _OFF_M = 0.3  # a place nearer to the list than this is the list's
 _ALIKE_M = 0.6  # a place this near to one of the list may be that, with a wrong height
 _UNSURE_M = 1.0  # and not more for want of sureness
@@ -67,6 +68,8 @@ class Wanted:
         Whether positions or poses give that, so that no list is needed.
     is_side_open : bool
         Whether all may be mirrored: a list of three anchors shows it.
+    two_places : frozenset of str
+        Anchors that may be elsewhere, and give no frame.
     """
 
     measured: Columns | None
@@ -75,6 +78,7 @@ class Wanted:
     of_start: str
     is_given: bool
     is_side_open: bool
+    two_places: frozenset[str] = frozenset()
 
     def of(self, names: list[str], position: FloatArray, covariance: FloatArray) -> Framed:
         """Return anchors (n, 3) of the frame of the start, with their covariance, in it."""
@@ -87,17 +91,33 @@ class Wanted:
 
     def _of(self, names: list[str], position: FloatArray, covariance: FloatArray) -> Framed:
         known = [] if self.measured is None else _rows(names, self.measured)
+        if why := self._lacks(names, known):
+            return Framed(names, position, covariance, f"{why}: {self.of_start}")
         if len(known) >= 2:
             return _by_measured(names, position, covariance, known)
-        if self.frame is not None and set(self.frame) <= set(names):
+        if self.frame is not None:
             a, b = (names.index(name) for name in self.frame)
             sentence = f"the origin is {self.frame[0]}, x points to {self.frame[1]}"
             return _laid(names, position, covariance, sentence, lambda at: _onto_axis(at, a, b))
-        if self.listed is not None and self.frame is None and not self.is_given:
+        is_list_wanted = self.frame is None and not self.is_given and not self.two_places
+        if self.listed is not None and is_list_wanted:
             rows = _recognized(names, position, covariance, self.listed)
             if len(rows) >= 2:
                 return _onto_list(names, position, covariance, rows, _listed(self.listed))
         return Framed(names, position, covariance, self.of_start)
+
+    def _lacks(self, names: list[str], known: list[tuple[int, FloatArray]]) -> str:
+        """Return why the frame that is asked for cannot be had; empty if it can."""
+        places = {} if self.measured is None else _listed(self.measured)
+        asked = [*places, *(self.frame or ())]
+        if open_ones := sorted(self.two_places & set(asked)):
+            return f"{', '.join(open_ones)} may be in two places and give no frame"
+        missing = sorted(set(self.frame or ()) - set(names))
+        if missing:
+            return f"{', '.join(missing)} is not placed and gives no frame"
+        if places and len(known) < 2:
+            return "x and y of two anchors that are placed make a frame, fewer are measured"
+        return ""
 
 
 def _side(
@@ -158,7 +178,8 @@ def differences(framed: Framed, listed: Columns | None) -> tuple[str, ...]:
             continue
         far = float(np.hypot(*(at[name] - places[name])))
         sentences.append(f"anchor {name} stands {far:.2f} m from where anchors.csv has it (sigma "
-                         f"{sigma[name]:.2f} m): it was moved, or measured wrongly")  # fmt: skip
+                         f"{sigma[name]:.2f} m): it was moved, or its place or height is "
+                         "wrong")  # fmt: skip
     return tuple(sentences)
 
 
@@ -232,6 +253,7 @@ def _by_measured(
     known: list[tuple[int, FloatArray]],
 ) -> Framed:  # fmt: skip
     """Return anchors as they are where some were measured: an iterated Kalman update."""
+    _check_measured(names, position, covariance, known)
     n = len(names)
     rows = [row for row, _ in known]
     z = np.concatenate([at for _, at in known])
@@ -265,6 +287,24 @@ def _by_measured(
         f"the frame is that in which {measured} were measured",
         x[:3],
     )
+
+
+def _check_measured(
+    names: list[str], position: FloatArray, covariance: FloatArray,
+    known: list[tuple[int, FloatArray]],
+) -> None:  # fmt: skip
+    """Raise LogError where places that were measured do not lie to one another as those found."""
+    rows = [row for row, _ in known]
+    onto = np.array([at for _, at in known])
+    laid = _laid(names, position, covariance, "", lambda at: _fit(at[rows, :2], onto))
+    off = np.hypot(*(laid.position[rows, :2] - onto).T)
+    limit = 4.0 * np.array([np.hypot(_sigma(laid, row), _MEASURED_M) for row in rows]) + _SLACK_M
+    worst = int(np.argmax(off / limit))
+    if off[worst] > limit[worst]:
+        what = ", ".join(names[row] for row in rows)
+        raise LogError(f"the measured places of {what} contradict the drive, which lays "
+                       f"{names[rows[worst]]} {off[worst]:.2f} m elsewhere; are names, numbers or "
+                       "heights mixed up?")  # fmt: skip
 
 
 def _jacobian(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:

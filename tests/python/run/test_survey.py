@@ -347,6 +347,52 @@ def test_what_is_missing_is_one_sentence(change: dict[str, Any], sentence: str) 
         survey(config, replace(log, tables=tables), frame=frame)
 
 
+def test_parts_that_odometry_does_not_join_are_doubtful() -> None:
+    config, log, _ = room(0)
+    odometry = log["odometry"]
+    since = (odometry["stamp_ns"] - odometry["stamp_ns"][0]) / 1e9
+    kept = (since < 20.0) | (since > 30.0)
+    gap = {name: column[kept] for name, column in odometry.items()}
+    found = survey(config, replace(log, tables={**log.tables, "odometry": gap}))
+    assert {a.word for a in found.anchors} <= {"doubtful", "not placed"}
+    assert found.findings[0].startswith("odometry is missing for 10.1 s from 20 s on")
+
+
+def test_odometry_in_another_unit_is_doubtful() -> None:
+    config, log, _ = room(3)
+    feet = {**log["odometry"], "dx_m": log["odometry"]["dx_m"] * 3.28}
+    found = survey(config, replace(log, tables={**log.tables, "odometry": feet}))
+    assert {a.word for a in found.anchors} <= {"doubtful", "not placed"}
+    assert "is that in metres and radians?" in found.findings[0]
+
+
+def test_measured_places_that_contradict_the_drive_are_refused() -> None:
+    config, log, anchors = room(2)
+    swapped = {"anchor": np.array(["A0", "A1", "A2", "A3"]), "x_m": anchors[[1, 0, 2, 3], 0],
+               "y_m": anchors[[1, 0, 2, 3], 1], "z_m": np.full(4, np.nan)}  # fmt: skip
+    with pytest.raises(LogError, match="contradict the drive"):
+        survey(config, log, measured=swapped)
+    far = {"anchor": np.array(["A0", "A1"]), "x_m": np.array([0.0, 30.0]), "y_m": np.zeros(2),
+           "z_m": np.full(2, np.nan)}  # fmt: skip
+    with pytest.raises(LogError, match="A0, A1 contradict the drive"):
+        survey(config, log, measured=far)
+    with pytest.raises(LogError, match="leave one of them out"):
+        survey(config, log, measured=far, frame=("A0", "A1"))
+
+
+def test_a_frame_that_cannot_be_had_is_said() -> None:
+    config, log = straight()
+    found = survey(config, log, height_m=0.0, frame=("L", "R"))
+    assert found.frame.startswith(
+        "L, R may be in two places and give no frame: the origin is where"
+    )
+    one = {"anchor": np.array(["L"]), "x_m": np.zeros(1), "y_m": np.zeros(1), "z_m": np.zeros(1)}
+    config, log, _ = room(1)
+    one["anchor"] = np.array(["A1"])
+    found = survey(config, log, measured=one)
+    assert found.frame.startswith("x and y of two anchors that are placed make a frame")
+
+
 def test_a_flight_is_refused() -> None:
     _, log = straight()
     with pytest.raises(ConfigError, match=r"estimator\.kind pose"):

@@ -19,6 +19,9 @@ struct UncertainPlace {
   Vector<3> mean = Vector<3>::Zero();     ///< what is known before anything is measured [m]
   Vector<3> sigma_m = Vector<3>::Zero();  ///< of that, per axis; 0: the world is right
   double guess_sigma_m = 0.0;             ///< how far off the guess may be, for the first poses
+  /// Of an anchor: the third mean and sigma are those of the square of its height over the tags,
+  /// which are all at one height [m^2]. Of the two heights that fit, the upper one is reported.
+  bool climbs = false;
 };
 
 /// How a log is smoothed: all poses at once, by all messages; docs/smoothing.md.

@@ -14,7 +14,7 @@ namespace locfuse {
 enum class SurveyStatus : std::uint8_t {
   kPlaced,     ///< one place fits
   kTwoPlaces,  ///< its mirror image fits as well
-  kNotPlaced,  ///< its ranges leave a whole curve
+  kNotPlaced,  ///< its ranges leave a whole curve, or most are rejected
 };
 
 /// The height of an anchor, where it is known.
