@@ -6891,7 +6891,7 @@ class SurveyStatus:
 
       TWO_PLACES : its mirror image fits as well
 
-      NOT_PLACED : its ranges leave a whole curve
+      NOT_PLACED : its ranges leave a whole curve, or most are rejected
     """
 
     NOT_PLACED = ...
