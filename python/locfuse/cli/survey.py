@@ -16,8 +16,8 @@ from locfuse.cli.inputs import ConfigFile, LogPath, with_log
 from locfuse.cli.terminal import check_folder, console, progress, visible
 from locfuse.config.load import load_config
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
-from locfuse.run.survey import SurveyResult, read_measured, write_survey, yaml_of
 from locfuse.run.survey import survey as survey_anchors
+from locfuse.run.survey_result import SurveyResult, read_measured, write_survey, yaml_of
 
 _PARTS = 1000  # of the bar
 

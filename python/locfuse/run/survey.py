@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-import csv
 import logging
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +14,16 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_anchors, build_estimator_config
 from locfuse.config.schema import RunConfig
-from locfuse.io.csv_table import number_texts, read_bytes, write_table
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.mcl import localize, with_poses_of
 from locfuse.run.messages import Messages, landmark_sensor_of, to_messages, truth_of
 from locfuse.run.odometry import with_odometry
 from locfuse.run.run import load_log
 from locfuse.run.start import given_start, start_from_nothing, start_of
+from locfuse.run.survey_findings import OPEN_SIDE, advised, apart, long_ranges, moved, rejected
 from locfuse.run.survey_frame import Framed, Wanted, differences, stands_for
+from locfuse.run.survey_result import AXES, SurveyedAnchor, SurveyedTag, SurveyResult
 from locfuse.types import (
-    NANOSECONDS,
     Columns,
     ConfigError,
     FloatArray,
@@ -33,7 +32,6 @@ from locfuse.types import (
     MappedLandmarks,
     Trajectory,
     nearest,
-    shown,
     wrap_angle,
 )
 
@@ -44,100 +42,9 @@ Progress = Callable[[float], None]
 SIGMA_OFFSET_M = 0.2
 # An anchor whose place is known to this share of the sigma of a range makes a range 12 % less sure.
 GOOD_SHARE = 0.5
-_OPEN_SIDE = ("without odometry one tag does not show whether all is mirrored: compare the side of "
-              "one anchor")  # fmt: skip
 _FOUND = ("sigma_anchor_offset_m", "sigma_anchor_scale")
 _SAME_M = 0.05  # nearer than this a mirrored place is no other one
-_TOO_MANY = 0.3  # of all ranges rejected: the drive is in doubt
-_FARTHEST_M = 1e7
 _EXACT = 1e-6  # sigma of the pose that is the frame [m] and [rad]
-_AXES = ("x_m", "y_m", "z_m")
-
-
-@dataclass(frozen=True)
-class SurveyedAnchor:
-    """An anchor that ranges name.
-
-    Attributes
-    ----------
-    name : str
-    position : float64 array, shape (3,)
-        In the frame of the survey, metres; NaN where it is not placed.
-    covariance : float64 array, shape (3, 3)
-        Of the position, square metres; 0 along what was given.
-    offset_m, sigma_offset_m : float
-        What its ranges read more than the distance.
-    ranges, rejected : int
-        From the start on, and of those how many were judged wrong.
-    word : str
-        ``good``, ``weak`` (its place adds more than an eighth to the variance of a range),
-        ``doubtful`` (parts of the drive may not fit together), ``two places`` or ``not placed``.
-    other : float64 array, shape (3,), or None
-        Of ``two places`` the other one.
-    """
-
-    name: str
-    position: FloatArray
-    covariance: FloatArray
-    offset_m: float
-    sigma_offset_m: float
-    ranges: int
-    rejected: int
-    word: str
-    other: FloatArray | None = None
-
-    @property
-    def sigma_m(self) -> float:
-        """Sigma along the axis in the plane that is known least, metres; NaN if not placed."""
-        if self.word == "not placed":
-            return float("nan")
-        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
-
-
-@dataclass(frozen=True)
-class SurveyedTag:
-    """A tag whose place on the robot was found.
-
-    `position` has shape (2,): forward and left, metres; `sigma_m` is along the axis that is known
-    least.
-    """
-
-    name: str
-    position: FloatArray
-    sigma_m: float
-
-
-@dataclass(frozen=True)
-class SurveyResult:
-    """Where anchors and landmarks are.
-
-    Attributes
-    ----------
-    anchors : tuple of SurveyedAnchor
-    landmarks : MappedLandmarks
-        Those that sightings name.
-    estimate : Trajectory
-        The drive, with the covariance in the frame of the start.
-    frame : str
-        What the axes are, a sentence.
-    findings : tuple of str
-        What is wrong: ids that are swapped, anchors that moved.
-    advice : str
-        Which further drive would help; empty where all is good.
-    stop : float64 array, shape (2,), or None
-        The place of that drive.
-    tags : tuple of SurveyedTag
-        With `sigma_tag_m`.
-    """
-
-    anchors: tuple[SurveyedAnchor, ...]
-    landmarks: MappedLandmarks
-    estimate: Trajectory
-    frame: str
-    findings: tuple[str, ...] = ()
-    advice: str = ""
-    stop: FloatArray | None = None
-    tags: tuple[SurveyedTag, ...] = ()
 
 
 def survey(
@@ -239,8 +146,8 @@ def survey(
     if any(heights.get(anchor) != height for anchor, height in theirs.items()):
         found, framed = found_with({**heights, **theirs})
     surveyed = _surveyed(found, names, framed, settings, _others(found, names, framed, wanted))
-    apart = _apart(found, messages, log, framed, names)
-    if apart:
+    doubts = apart(found, messages, log, framed, names)
+    if doubts:
         surveyed = tuple(replace(a, word="doubtful") if a.word in ("good", "weak") else a
                          for a in surveyed)  # fmt: skip
     is_open = any(a.other is not None for a in surveyed)
@@ -250,16 +157,16 @@ def survey(
         estimate=_track(found.smoothed, framed),
         frame=framed.sentence,
         findings=(
-            *apart,
-            *(() if is_open or apart else differences(framed, listed)),
-            *(() if apart else _moved(found, messages, log, framed, names).values()),
-            *([_OPEN_SIDE] if framed.side == 0 else []),
-            *(() if apart else _rejected(surveyed)),
-            *_long_ranges(surveyed, settings),
+            *doubts,
+            *(() if is_open or doubts else differences(framed, listed)),
+            *(() if doubts else moved(found, messages, log, framed, names).values()),
+            *([OPEN_SIDE] if framed.side == 0 else []),
+            *(() if doubts else rejected(surveyed)),
+            *long_ranges(surveyed, settings),
         ),
         tags=_tags(found.smoothed, messages.tag_names) if arms else (),
     )
-    return _advised(result, _sigma_of_ranges(settings))
+    return advised(result, _sigma_of_ranges(settings))
 
 
 def _framed(
@@ -300,7 +207,7 @@ def _with_names(log: Log, config: RunConfig) -> tuple[Log, Columns | None]:
         order = [name for name in named if name in heard]
         order += [name for name in heard if name not in order]
         nothing = np.zeros(len(order))
-        tables["anchors"] = {"anchor": np.array(order), **dict.fromkeys(_AXES, nothing)}
+        tables["anchors"] = {"anchor": np.array(order), **dict.fromkeys(AXES, nothing)}
     sightings = log.tables.get("landmark_sightings", {})
     if "landmark_sightings" in config.use and len(sightings.get("stamp_ns", ())):
         seen = sorted(set(sightings["landmark"].tolist()) - {""})
@@ -455,193 +362,3 @@ def _tags(smoothed: _core.Smoothed, names: list[str]) -> tuple[SurveyedTag, ...]
         sigma = float(np.sqrt(np.linalg.eigvalsh(P[at, at])[-1]))
         found.append(SurveyedTag(names[tag.id], np.array(tag.position[:2]), sigma))
     return tuple(found)
-
-
-def _moved(
-    found: _core.Survey, messages: Messages, log: Log, framed: Framed, names: list[str]
-) -> dict[str, str]:
-    """Return a sentence for each anchor whose ranges are wrong from one time on, or until then."""
-    least, share = 20, 0.8
-    verdict = np.asarray(found.smoothed.verdict)
-    wrong = verdict == int(_core.Verdict.GATED)
-    poses = np.asarray(found.smoothed.poses)
-    stamps = np.asarray(found.smoothed.stamp_ns)
-    sentences = {}
-    for name in framed.names:
-        mine = np.flatnonzero((messages.source == "ranges") & (messages.anchor == name)
-                              & (messages.stamp_ns >= stamps[0]))  # fmt: skip
-        bad = wrong[mine]
-        if bad.sum() < least:
-            continue
-        cuts = np.cumsum(bad) / np.maximum(bad.sum(), 1) - np.cumsum(~bad) / max((~bad).sum(), 1)
-        at = int(np.argmax(np.abs(cuts)))
-        if abs(cuts[at]) < share:
-            continue  # here and there
-        rows = mine[bad]
-        arms = np.array([log.tags.get(tag, (0.0, 0.0, 0.0)) for tag in messages.tag[rows]])
-        heading = np.interp(messages.stamp_ns[rows], stamps, np.unwrap(poses[:, 2]))
-        x, y = (np.interp(messages.stamp_ns[rows], stamps, poses[:, k]) for k in (0, 1))
-        c, s = np.cos(heading), np.sin(heading)
-        tags = np.column_stack([x + c * arms[:, 0] - s * arms[:, 1],
-                                y + s * arms[:, 0] + c * arms[:, 1], arms[:, 2]])  # fmt: skip
-        some = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), 60)).astype(int))
-        radio = next(a.anchor for a in found.anchors if names[a.anchor.id] == name)
-        ranges = (log["ranges"]["range_m"][messages.row[rows]] - radio.offset) / radio.scale
-        z = float(framed.position[framed.names.index(name), 2])
-        there = _core.locate(tags[some], ranges[some], 0.3, height=z, loss="cauchy")
-        when = (messages.stamp_ns[mine[at]] - stamps[0]) / 1e9
-        ends = "from" if cuts[at] < 0.0 else "until"
-        text = (f"ranges of {name} are wrong {ends} {when:.0f} s on: was it moved?"
-                if ends == "from" else f"ranges of {name} are wrong until {when:.0f} s: was it "
-                "moved then?")  # fmt: skip
-        spots = [np.append(one.position, z) for one in there.hypotheses[:2]]
-        if spots:
-            at_xy = (f"({x:.1f}, {y:.1f})" for x, y, _ in framed.moved(np.array(spots)).tolist())
-            text += f" They fit a place near {' or '.join(at_xy)}"
-        sentences[name] = text
-    return sentences
-
-
-def _apart(
-    found: _core.Survey, messages: Messages, log: Log, framed: Framed, names: list[str]
-) -> tuple[str, ...]:
-    """Say why the parts of a drive may not fit together, if they may not."""
-    longest_s = 1.0
-    begin = int(np.asarray(found.smoothed.stamp_ns)[0])
-    stamps = messages.stamp_ns[(messages.source == "odometry") & (messages.stamp_ns >= begin)]
-    if len(stamps) > 1:
-        gaps = np.diff(np.sort(stamps)) / NANOSECONDS
-        at = int(np.argmax(gaps))
-        if gaps[at] > max(longest_s, 20.0 * float(np.median(gaps))):
-            when = (np.sort(stamps)[at] - begin) / NANOSECONDS
-            return (f"odometry is missing for {gaps[at]:.1f} s from {when:.0f} s on: what is found "
-                    "before and after may not fit together; cut the log there",)  # fmt: skip
-    count = sum(one.ranges for one in found.anchors)
-    share = sum(one.rejected for one in found.anchors) / max(count, 1)
-    if share > _TOO_MANY:
-        return (f"{share:.0%} of all ranges are rejected: they do not fit the odometry; is that in "
-                "metres and radians?",)  # fmt: skip
-    moved = _moved(found, messages, log, framed, names)
-    if len(moved) > 1:
-        return (f"ranges of {', '.join(moved)} are wrong in one part of the drive: its parts do "
-                "not fit together; is odometry right all the time?",)  # fmt: skip
-    return ()
-
-
-def _rejected(anchors: tuple[SurveyedAnchor, ...]) -> Iterator[str]:
-    """Name anchors most of whose ranges fit no place."""
-    if bad := [a.name for a in anchors if 2 * a.rejected > a.ranges > 0]:
-        yield f"most ranges of {', '.join(bad)} fit no place"
-
-
-def _long_ranges(
-    anchors: tuple[SurveyedAnchor, ...], settings: _core.PoseEkfConfig
-) -> Iterator[str]:
-    """Name anchors whose ranges are off by far more than any radio's."""
-    most = 4.0 * settings.calibration.sigma_anchor_offset_m
-    for a in anchors:
-        if abs(a.offset_m) > max(most, 3.0 * a.sigma_offset_m):
-            way = "long" if a.offset_m > 0.0 else "short"
-            yield (f"ranges of {a.name} read {abs(a.offset_m):.2f} m too {way}: is its height, or "
-                   "that of the tag, right?")  # fmt: skip
-
-
-def _advised(result: SurveyResult, sigma_range: float) -> SurveyResult:
-    """Return the result with the stop that would make the worst anchors surest."""
-    words = ("weak",) if _OPEN_SIDE in result.findings else ("weak", "two places")
-    unsure = [a for a in result.anchors if a.word in words]
-    missing = [a.name for a in result.anchors
-               if a.word == "not placed" and 2 * a.rejected <= a.ranges]  # fmt: skip
-    way = result.estimate.position
-    if len(way) and float(np.ptp(way, axis=0).max()) < 0.5 and (unsure or missing):
-        return replace(result, advice="the robot hardly moved: drive some metres, with turns")
-    advice = ""
-    if missing:
-        advice = (f"{', '.join(missing)}: too few ranges, or all from one spot; drive where they "
-                  "are received. ")  # fmt: skip
-    if not unsure:
-        return replace(result, advice=advice.strip())
-    points = np.vstack([way, [a.position[:2] for a in unsure]])
-    low, high = points.min(axis=0), points.max(axis=0)
-    x, y = (np.linspace(low[k], high[k], 25) for k in (0, 1))
-    grid = np.column_stack([v.ravel() for v in np.meshgrid(x, y)])
-    sigma = max(sigma_range, 0.05)
-    left = np.zeros(len(grid))
-    for anchor in unsure:
-        ways = anchor.position[:2] - grid
-        far = np.maximum(np.hypot(*ways.T), 1e-6)
-        u = ways / far[:, None]
-        P = anchor.covariance[:2, :2] + 1e-9 * np.eye(2)
-        gain = 10.0 / sigma**2 * u[:, :, None] * u[:, None, :]
-        then = np.linalg.inv(np.linalg.inv(P) + gain)
-        left += np.sqrt(np.linalg.eigvalsh(then)[:, -1])
-        if anchor.other is not None:
-            apart = np.abs(far - np.hypot(*(anchor.other[:2] - grid).T))
-            left += np.where(apart < 5.0 * sigma, 100.0 / (1.0 + apart), 0.0)
-    best = grid[int(np.argmin(left))]
-    names = ", ".join(a.name for a in unsure)
-    advice += (f"drive by ({best[0]:.1f}, {best[1]:.1f}) for {names}: ranges from there tell most "
-               "of where they are")  # fmt: skip
-    return replace(result, advice=advice, stop=best)
-
-
-def read_measured(path: Path) -> Columns:
-    """Read what was measured by hand: as ``anchors.csv``, with empty cells where it is not known.
-
-    Raises LogError where the file is no such table.
-    """
-    header = ("anchor", *_AXES)
-    rows = list(csv.reader(read_bytes(path).decode("utf-8-sig", "replace").splitlines()))
-    if not rows or tuple(cell.strip() for cell in rows[0]) != header:
-        raise LogError(f"{path}, line 1: expected the header {','.join(header)}")
-    names: list[str] = []
-    at: list[list[float]] = []
-    for line, row in enumerate(rows[1:], start=2):
-        if not row:
-            continue
-        if len(row) != len(header) or not row[0].strip():
-            raise LogError(f"{path}, line {line}: expected an anchor and three numbers, which may "
-                           "be empty")  # fmt: skip
-        if row[0].strip() in names:
-            raise LogError(f"{path}, line {line}: anchor {row[0].strip()} is listed twice")
-        names.append(row[0].strip())
-        at.append([])
-        for cell in row[1:]:
-            try:
-                at[-1].append(float(cell) if cell.strip() else np.nan)
-            except ValueError:
-                raise LogError(f"{path}, line {line}: {shown(cell)} is not a number") from None
-            if cell.strip() and not abs(at[-1][-1]) <= _FARTHEST_M:
-                raise LogError(f"{path}, line {line}: {shown(cell)} is no place in metres")
-    table = np.array(at).reshape(-1, 3)
-    return {"anchor": np.array(names, dtype=str),
-            **{axis: table[:, k].copy() for k, axis in enumerate(_AXES)}}  # fmt: skip
-
-
-def write_survey(result: SurveyResult, folder: Path) -> list[Path]:
-    """Write ``anchors.csv``, and ``landmarks.csv`` if there are any, as of a log folder.
-
-    What is not placed is left out. Columns of covariances are beyond those of the format.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    placed = [a for a in result.anchors if a.word != "not placed"]
-    if placed:
-        at = np.array([a.position for a in placed])
-        columns = [[a.name for a in placed], *(number_texts(at[:, k]) for k in range(3))]
-        written.append(folder / "anchors.csv")
-        write_table(written[-1], ("anchor", *_AXES), columns)
-    found = result.landmarks
-    if len(found):
-        P = found.covariance
-        numbers = (*found.position.T, P[:, 0, 0], P[:, 0, 1], P[:, 1, 1])
-        written.append(folder / "landmarks.csv")
-        write_table(written[-1], ("landmark", "x_m", "y_m", "cov_x_x", "cov_x_y", "cov_y_y"),
-                    [found.name.tolist(), *map(number_texts, numbers)])  # fmt: skip
-    return written
-
-
-def yaml_of(result: SurveyResult) -> Mapping[str, Mapping[str, float]]:
-    """Return the section ``anchors`` of a configuration: offsets that stand out of their sigma."""
-    return {a.name: {"offset_m": round(a.offset_m, 3)} for a in result.anchors
-            if a.word != "not placed" and abs(a.offset_m) > 2.0 * a.sigma_offset_m}  # fmt: skip

@@ -16,7 +16,8 @@ from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import RunConfig
 from locfuse.report.plot import plot_survey
 from locfuse.run.run import load_log
-from locfuse.run.survey import SurveyResult, survey, write_survey
+from locfuse.run.survey import survey
+from locfuse.run.survey_result import SurveyResult, write_survey
 from locfuse.types import ConfigError, FloatArray, Log, LogError
 from support_runs import ROOT, locfuse, recording
 

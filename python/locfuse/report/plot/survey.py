@@ -13,7 +13,7 @@ from locfuse.report.plot.labels import Label, join_same_spot, place_labels
 from locfuse.report.plot.path import draw_ellipse
 from locfuse.report.plot.world import box_around, world_figure
 from locfuse.report.text import short
-from locfuse.run.survey import SurveyResult
+from locfuse.run.survey_result import SurveyResult
 
 _MAX_POINTS = 20000
 _SIGMAS = 3.0
