@@ -39,7 +39,7 @@ struct Tuning {
   /// of the distance.
   static constexpr double kRough_m = 0.5;
   static constexpr double kRoughShare = 0.1;
-  /// Difference of squared residuals below which two places fit alike: 1 in 100,000.
+  /// Difference of squared residuals below which two places fit equally well: 1 in 100,000.
   static constexpr double kFitsToo = 23.0;
   /// Where the samples alone exclude the mirror image so clearly, the drive need not be asked.
   static constexpr double kClear = 200.0;

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from locfuse import _core
-from locfuse.config.build import build_anchors, build_estimator_config
+from locfuse.config.build import build_estimator_config
 from locfuse.config.schema import RunConfig
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.mcl import localize, with_poses_of
-from locfuse.run.messages import Messages, landmark_sensor_of, to_messages, truth_of
+from locfuse.run.messages import Messages, landmark_sensor_of, radios_of, to_messages, truth_of
 from locfuse.run.odometry import with_odometry
 from locfuse.run.run import load_log
 from locfuse.run.start import given_start, start_from_nothing, start_of
@@ -108,9 +108,7 @@ def survey(
         raise LogError("measured places and two anchors both give a frame; leave one of them out")
     _check_names(measured, frame, names)
     heights = _heights(names, listed, measured, height_m)
-    anchors = build_anchors(log.tables.get("anchors"), names, config.anchors)
-    tags = [_core.Tag(i, list(log.tags[name])) for i, name in enumerate(messages.tag_names)
-            if name in log.tags]  # fmt: skip
+    anchors, tags = radios_of(log, messages, config)
     start, of_start = _start(config, log, messages, tags)
     settings = _settings(config)
     sensor = _core.LandmarkSensor(_core.LandmarkMap([]), landmark_sensor_of(log))
@@ -139,18 +137,19 @@ def survey(
         raise LogError("the log has no odometry, positions or poses that the configuration uses, "
                        "and ranges alone place anchors where three or more are received together "
                        "along a way that is no line")  # fmt: skip
-    is_open = any(one.other is not None for one in found.anchors) and framed.side != -1
-    elsewhere = stands_for(framed, listed) if height_m is None and not is_open else {}
+    others = _others(found, names, framed, wanted)
+    elsewhere = stands_for(framed, listed) if height_m is None and not others else {}
     theirs = {names.index(a): heights[names.index(b)] for a, b in elsewhere.items()
               if b in names and names.index(b) in heights}  # fmt: skip
     if any(heights.get(anchor) != height for anchor, height in theirs.items()):
         found, framed = found_with({**heights, **theirs})
-    surveyed = _surveyed(found, names, framed, settings, _others(found, names, framed, wanted))
-    doubts = apart(found, messages, log, framed, names)
+        others = _others(found, names, framed, wanted)
+    surveyed = _surveyed(found, names, framed, settings, others)
+    wrong = moved(found, messages, log, framed, names)
+    doubts = apart(found, messages, wrong)
     if doubts:
         surveyed = tuple(replace(a, word="doubtful") if a.word in ("good", "weak") else a
                          for a in surveyed)  # fmt: skip
-    is_open = any(a.other is not None for a in surveyed)
     result = SurveyResult(
         anchors=surveyed,
         landmarks=_landmarks(found.smoothed, messages, framed),
@@ -158,15 +157,15 @@ def survey(
         frame=framed.sentence,
         findings=(
             *doubts,
-            *(() if is_open or doubts else differences(framed, listed)),
-            *(() if doubts else moved(found, messages, log, framed, names).values()),
+            *(() if others or doubts else differences(framed, listed)),
+            *(() if doubts else wrong.values()),
             *([OPEN_SIDE] if framed.side == 0 else []),
             *(() if doubts else rejected(surveyed)),
             *long_ranges(surveyed, settings),
         ),
         tags=_tags(found.smoothed, messages.tag_names) if arms else (),
     )
-    return advised(result, _sigma_of_ranges(settings))
+    return advised(result, _sigma_of_ranges(settings), is_side_known=framed.side != 0)
 
 
 def _framed(
@@ -202,10 +201,10 @@ def _with_names(log: Log, config: RunConfig) -> tuple[Log, Columns | None]:
     tables: dict[str, Any] = dict(log.tables)
     listed = tables.pop("anchors", None)
     if "ranges" in config.use and len(log.tables.get("ranges", {}).get("stamp_ns", ())):
-        heard = sorted(set(log["ranges"]["anchor"].tolist()))
+        received = sorted(set(log["ranges"]["anchor"].tolist()))
         named = [] if listed is None else [str(name) for name in listed["anchor"]]
-        order = [name for name in named if name in heard]
-        order += [name for name in heard if name not in order]
+        order = [name for name in named if name in received]
+        order += [name for name in received if name not in order]
         nothing = np.zeros(len(order))
         tables["anchors"] = {"anchor": np.array(order), **dict.fromkeys(AXES, nothing)}
     sightings = log.tables.get("landmark_sightings", {})
@@ -307,8 +306,7 @@ def _surveyed(
         row = framed.names.index(name)
         P = framed.covariance[3 * row : 3 * row + 3, 3 * row : 3 * row + 3]
         other = others.get(one.anchor.id)
-        sigma = np.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1])
-        word = "good" if sigma <= GOOD_SHARE * sigma_range else "weak"
+        word = "good" if framed.sigma(row) <= GOOD_SHARE * sigma_range else "weak"
         surveyed.append(SurveyedAnchor(
             name, framed.position[row], P,
             one.anchor.offset, error.sigma if error is not None else 0.0,
@@ -329,8 +327,8 @@ def _track(smoothed: _core.Smoothed, framed: Framed) -> Trajectory:
     poses = np.asarray(smoothed.poses)
     at = framed.moved(np.column_stack([poses[:, :2], np.zeros(len(poses))]))[:, :2]
     heading = wrap_angle(framed.sign * poses[:, 2] + framed.turn)
-    c, s = np.cos(framed.turn), np.sin(framed.turn)
-    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) * [1.0, framed.sign, framed.sign]
+    R = np.diag([0.0, 0.0, framed.sign])
+    R[:2, :2] = framed.rotation
     return Trajectory(smoothed.stamp_ns, at, heading, R @ smoothed.covariances @ R.T)
 
 
@@ -341,8 +339,7 @@ def _landmarks(smoothed: _core.Smoothed, messages: Messages, framed: Framed) -> 
     at = np.array([one.position for one in smoothed.landmarks]).reshape(-1, 2)
     at = framed.moved(np.column_stack([at, np.zeros(count)]))[:, :2]
     P = np.asarray(smoothed.places_covariance)
-    c, s = np.cos(framed.turn), np.sin(framed.turn)
-    R = np.array([[c, -s], [s, c]]) * [1.0, framed.sign]
+    R = framed.rotation
     rows = [slice(first + 2 * i, first + 2 * i + 2) for i in range(count)]
     blocks = [R @ P[r, r] @ R.T for r in rows]
     called = np.array([names[one.id] for one in smoothed.landmarks], dtype=str)

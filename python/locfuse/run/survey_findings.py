@@ -52,11 +52,10 @@ def moved(
         ranges = (log["ranges"]["range_m"][messages.row[rows]] - radio.offset) / radio.scale
         z = float(framed.position[framed.names.index(name), 2])
         there = _core.locate(tags[some], ranges[some], 0.3, height=z, loss="cauchy")
-        when = (messages.stamp_ns[mine[at]] - stamps[0]) / 1e9
-        ends = "from" if cuts[at] < 0.0 else "until"
-        text = (f"ranges of {name} are wrong {ends} {when:.0f} s on: was it moved?"
-                if ends == "from" else f"ranges of {name} are wrong until {when:.0f} s: was it "
-                "moved then?")  # fmt: skip
+        when = (messages.stamp_ns[mine[at]] - stamps[0]) / NANOSECONDS
+        text = f"ranges of {name} are wrong "
+        text += (f"from {when:.0f} s on: was it moved?" if cuts[at] < 0.0
+                 else f"until {when:.0f} s: was it moved then?")  # fmt: skip
         spots = [np.append(one.position, z) for one in there.hypotheses[:2]]
         if spots:
             at_xy = (f"({x:.1f}, {y:.1f})" for x, y, _ in framed.moved(np.array(spots)).tolist())
@@ -65,10 +64,11 @@ def moved(
     return sentences
 
 
-def apart(
-    found: _core.Survey, messages: Messages, log: Log, framed: Framed, names: list[str]
-) -> tuple[str, ...]:
-    """Say why the parts of a drive may not fit together, if they may not."""
+def apart(found: _core.Survey, messages: Messages, wrong: dict[str, str]) -> tuple[str, ...]:
+    """Say why the parts of a drive may not fit together, if they may not.
+
+    `wrong` has the anchors whose ranges are wrong in a part of it.
+    """
     longest_s = 1.0
     begin = int(np.asarray(found.smoothed.stamp_ns)[0])
     stamps = messages.stamp_ns[(messages.source == "odometry") & (messages.stamp_ns >= begin)]
@@ -84,7 +84,6 @@ def apart(
     if share > _TOO_MANY:
         return (f"{share:.0%} of all ranges are rejected: they do not fit the odometry; is that in "
                 "metres and radians?",)  # fmt: skip
-    wrong = moved(found, messages, log, framed, names)
     if len(wrong) > 1:
         return (f"ranges of {', '.join(wrong)} are wrong in one part of the drive: its parts do "
                 "not fit together; is odometry right all the time?",)  # fmt: skip
@@ -109,9 +108,12 @@ def long_ranges(
                    "that of the tag, right?")  # fmt: skip
 
 
-def advised(result: SurveyResult, sigma_range: float) -> SurveyResult:
-    """Return the result with the stop that would make the worst anchors surest."""
-    words = ("weak",) if OPEN_SIDE in result.findings else ("weak", "two places")
+def advised(result: SurveyResult, sigma_range: float, *, is_side_known: bool) -> SurveyResult:
+    """Return the result with the stop that would make the worst anchors surest.
+
+    No stop shows a side that only a second tag can.
+    """
+    words = ("weak", "two places") if is_side_known else ("weak",)
     unsure = [a for a in result.anchors if a.word in words]
     missing = [a.name for a in result.anchors
                if a.word == "not placed" and 2 * a.rejected <= a.ranges]  # fmt: skip
@@ -139,8 +141,8 @@ def advised(result: SurveyResult, sigma_range: float) -> SurveyResult:
         then = np.linalg.inv(np.linalg.inv(P) + gain)
         left += np.sqrt(np.linalg.eigvalsh(then)[:, -1])
         if anchor.other is not None:
-            apart = np.abs(far - np.hypot(*(anchor.other[:2] - grid).T))
-            left += np.where(apart < 5.0 * sigma, 100.0 / (1.0 + apart), 0.0)
+            differs = np.abs(far - np.hypot(*(anchor.other[:2] - grid).T))
+            left += np.where(differs < 5.0 * sigma, 100.0 / (1.0 + differs), 0.0)
     best = grid[int(np.argmin(left))]
     names = ", ".join(a.name for a in unsure)
     advice += (f"drive by ({best[0]:.1f}, {best[1]:.1f}) for {names}: ranges from there tell most "

@@ -49,6 +49,18 @@ class Framed:
         """What y is taken times."""
         return -1.0 if self.side < 0 else 1.0
 
+    @property
+    def rotation(self) -> FloatArray:
+        """What a direction of the frame of the start is multiplied by, shape (2, 2)."""
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        rotation: FloatArray = np.array([[c, -s], [s, c]]) * [1.0, self.sign]
+        return rotation
+
+    def sigma(self, row: int) -> float:
+        """Return the sigma of a place along the axis in the plane that is known least [m]."""
+        P = self.covariance[3 * row : 3 * row + 2, 3 * row : 3 * row + 2]
+        return float(np.sqrt(max(np.linalg.eigvalsh(P)[-1], 0.0)))
+
 
 @dataclass(frozen=True)
 class Wanted:
@@ -157,7 +169,7 @@ def differences(framed: Framed, listed: Columns | None) -> tuple[str, ...]:
                 "another place, or are units or odometry wrong?",)  # fmt: skip
     laid = _onto_list(framed.names, framed.position, framed.covariance, rows, _listed(listed))
     at = {name: laid.position[i, :2] for i, name in enumerate(laid.names)}
-    sigma = {name: _sigma(laid, i) for i, name in enumerate(laid.names)}
+    sigma = {name: laid.sigma(i) for i, name in enumerate(laid.names)}
     limit = {name: max(_OFF_M, 3.0 * sigma[name]) for name in at}
     off = [name for name in places if np.hypot(*(at[name] - places[name])) > limit[name]]
     stands_at: dict[str, str] = {}
@@ -181,12 +193,6 @@ def differences(framed: Framed, listed: Columns | None) -> tuple[str, ...]:
                          f"{sigma[name]:.2f} m): it was moved, or its place or height is "
                          "wrong")  # fmt: skip
     return tuple(sentences)
-
-
-def _sigma(framed: Framed, row: int) -> float:
-    """Return the sigma of a place along the axis in the plane that is known least [m]."""
-    P = framed.covariance[3 * row : 3 * row + 2, 3 * row : 3 * row + 2]
-    return float(np.sqrt(max(np.linalg.eigvalsh(P)[-1], 0.0)))
 
 
 def _listed(table: Columns) -> dict[str, FloatArray]:
@@ -298,7 +304,7 @@ def _check_measured(
     onto = np.array([at for _, at in known])
     laid = _laid(names, position, covariance, "", lambda at: _fit(at[rows, :2], onto))
     off = np.hypot(*(laid.position[rows, :2] - onto).T)
-    limit = 4.0 * np.array([np.hypot(_sigma(laid, row), _MEASURED_M) for row in rows]) + _SLACK_M
+    limit = 4.0 * np.array([np.hypot(laid.sigma(row), _MEASURED_M) for row in rows]) + _SLACK_M
     worst = int(np.argmax(off / limit))
     if off[worst] > limit[worst]:
         what = ", ".join(names[row] for row in rows)
@@ -338,7 +344,7 @@ def _recognized(
     if len(names) < 2 or len(called) < 2:
         return {}
     itself = _laid(names, position, covariance, "", lambda at: _fit(at[:, :2], position[:, :2]))
-    unsure = min(3.0 * max(_sigma(itself, row) for row in range(len(names))), _UNSURE_M)
+    unsure = min(3.0 * max(itself.sigma(row) for row in range(len(names))), _UNSURE_M)
     theirs = np.array(list(places.values())).reshape(-1, 2)
     mine = position[:, :2]
     pairs = sorted(combinations(range(len(names)), 2),

@@ -54,7 +54,7 @@ class SurveyedAnchor:
         """Sigma along the axis in the plane that is known least, metres; NaN if not placed."""
         if self.word == "not placed":
             return float("nan")
-        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+        return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance[:2, :2])[-1], 0.0)))
 
 
 @dataclass(frozen=True)
