@@ -11,6 +11,7 @@ from pydantic import BaseModel
 
 from locfuse import _core
 from locfuse.config.schema import (
+    OF_MESSAGES,
     SENSORS,
     Cylinders,
     Estimator,
@@ -182,7 +183,7 @@ def build_cylinder_detector(cylinders: Cylinders) -> _core.CylinderDetector:
 
 def _fill(struct: Any, model: BaseModel, leave: tuple[str, ...] = ()) -> None:
     for name in type(model).model_fields:
-        if name in leave or name == "latency_s":  # which stamps are without already
+        if name in leave or name in OF_MESSAGES:
             continue
         value = getattr(model, name)
         if isinstance(value, BaseModel):

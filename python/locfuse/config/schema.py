@@ -64,8 +64,18 @@ class Odometry(Strict):
     """Heading, at any speed and at rest [rad/√s]."""
     sigma_longitudinal_per_sqrt_s: DriftSigma = struct.sigma_longitudinal_per_sqrt_s
     """Along the heading, at any speed [m/√s]."""
+    distance_scale: Annotated[float, Field(ge=1e-3, le=1e3)] = 1.0
+    """True distance per distance that wheels report."""
+    turn_scale: Annotated[float, Field(ge=1e-3, le=1e3)] = 1.0
+    """True turn per turn that they report."""
+    direction_rad: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
+    """Direction of travel, to the left of that which they report [rad]."""
     latency_s: Latency = 0.0
     """Constant latency, subtracted from each stamp [s]."""
+
+
+# What is taken out of messages as they come: the models in C++ get them without.
+OF_MESSAGES = ("latency_s", "distance_scale", "turn_scale", "direction_rad")
 
 
 class Range(Strict):

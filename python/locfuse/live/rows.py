@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from locfuse import _core
 from locfuse.config.schema import USABLE, RunConfig
 from locfuse.io.log_folder import FORCES, MAX_LASERS, RATES
-from locfuse.run.messages import NOT_IN_PLANE
+from locfuse.run.messages import MOTION, NOT_IN_PLANE, corrected
 from locfuse.run.start import laser_geometry
 from locfuse.types import NANOSECONDS, FloatArray, Log
 
@@ -54,6 +54,7 @@ class Rows:
         self._delay_ns: dict[str, int] = {
             s: round(config.latency_s[s] * NANOSECONDS) for s in USABLE
         }
+        self._wheels = config.estimator.odometry
         self._flies = config.estimator.kind == "air"
         self._odometry_ns: int | None = None
         self._of: dict[str, Callable[[int, Row], Message]] = {
@@ -110,12 +111,13 @@ class Rows:
                                bright if known else None)  # fmt: skip
 
     def _odometry(self, stamp: int, row: Row) -> Message:
+        right = {name: float(value) for name, value in corrected(row, self._wheels).items()}
         if "v_mps" in row:
-            return _core.Velocity(stamp, float(row["v_mps"]), float(row["omega_radps"]),
-                                  float(row.get("v_left_mps", 0.0)))  # fmt: skip
+            return _core.Velocity(stamp, right["v_mps"], right["omega_radps"],
+                                  right.get("v_left_mps", 0.0))  # fmt: skip
         before, motion = self._odometry_ns, _core.Pose2()
         if before is not None and before < stamp:
-            motion = _core.Pose2(*(float(row[key]) for key in ("dx_m", "dy_m", "dheading_rad")))
+            motion = _core.Pose2(*(right[name] for name in MOTION))
         if before is None or before < stamp:
             self._odometry_ns = stamp
         begin = stamp if before is None else min(before, stamp)

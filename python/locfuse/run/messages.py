@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -13,11 +14,13 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.config.build import build_anchors
-from locfuse.config.schema import SOURCES, RunConfig, Source
+from locfuse.config.schema import SOURCES, Odometry, RunConfig, Source
 from locfuse.io.log_folder import FORCES, QUATERNION, RATES
 from locfuse.run.missing_inputs import how_to_add, where_named
 from locfuse.types import NANOSECONDS, Columns, Log, LogError, StampArray, Trajectory
 
+MOTION = ("dx_m", "dy_m", "dheading_rad")  # of odometry
+VELOCITY = ("v_mps", "v_left_mps", "omega_radps")
 NOT_IN_PLANE = ("landmark_sightings have elevation_rad, so their ranges are not in the plane; set "
                 "estimator.kind: air, or leave 'landmark_sightings' out of use")  # fmt: skip
 
@@ -54,7 +57,7 @@ def to_messages(log: Log, config: RunConfig) -> Messages:
     """
     sources: tuple[Source, ...] = ("imu", *SOURCES) if config.is_inertial else SOURCES
     tables: dict[str, Mapping[str, NDArray[Any]]] = {
-        source: undelayed(source, log[source], config.latency_of_tables_s[source])
+        source: as_measured(source, log[source], config, config.latency_of_tables_s[source])
         for source in sources
         if source in log and source in config.use and len(log[source]["stamp_ns"]) > 0
     }
@@ -145,18 +148,36 @@ def cut_off(
     return replace(log, tables=tables), replace(messages, **columns, end_ns=until_ns)
 
 
-def undelayed(source: str, table: Columns, delay_s: float) -> Columns:
-    """Return a table at the stamps at which it was taken; it arrives when it did.
+def as_measured(source: Source, table: Columns, config: RunConfig, latency_s: float) -> Columns:
+    """Return a table at the stamps at which it was taken, and motions at their scale.
 
-    Odometry that was made is at those already.
+    It arrives when it did. Odometry that was made is so already.
     """
-    delay = round(delay_s * NANOSECONDS)
-    if delay == 0 or "origin" in table:
+    if "origin" in table:
+        return table
+    if source == "odometry":
+        table = {**table, **corrected(table, config.estimator.odometry)}
+    delay = round(latency_s * NANOSECONDS)
+    if delay == 0:
         return table
     effective = _effective(source, table)
     begins = {"begin_ns": effective - delay} if "begin_ns" in table else {}
     return {**table, "stamp_ns": table["stamp_ns"] - delay, **begins,
             "arrival_ns": table.get("arrival_ns", effective)}  # fmt: skip
+
+
+def corrected(motion: Mapping[str, Any], wheels: Odometry) -> dict[str, Any]:
+    """Return columns of odometry, or numbers of a row, with the wheels' errors taken out."""
+    forward, left, turn = MOTION if "dx_m" in motion else VELOCITY
+    scale, angle = wheels.distance_scale, wheels.direction_rad
+    found = {forward: motion[forward], turn: motion[turn]}
+    found |= {left: motion[left]} if left in motion else {}
+    if angle != 0.0:
+        c, s = math.cos(angle), math.sin(angle)
+        x, y = motion[forward], motion.get(left, 0.0)
+        found |= {forward: c * x - s * y, left: s * x + c * y}
+    return {name: value * (wheels.turn_scale if name == turn else scale)
+            for name, value in found.items()}  # fmt: skip
 
 
 def _effective(source: str, table: Columns) -> StampArray:

@@ -11,7 +11,7 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_estimator_config, build_gyro_config
 from locfuse.config.schema import RunConfig
-from locfuse.run.messages import add_odometry, add_samples, undelayed
+from locfuse.run.messages import add_odometry, add_samples, as_measured
 from locfuse.run.missing_inputs import how_to_add
 from locfuse.run.start import scans_of
 from locfuse.types import NANOSECONDS, Columns, Log, LogError
@@ -57,10 +57,10 @@ def with_odometry(log: Log, config: RunConfig, *, gyro: bool = True) -> Log:
     messages = _core.MessageLog()
     try:
         if gyro:
-            table = undelayed("imu", log["imu"], config.latency_s["imu"])
+            table = as_measured("imu", log["imu"], config, config.latency_s["imu"])
             add_samples(messages, {"arrival_ns": log["imu"]["stamp_ns"], **table})
         if wheels is not None:
-            table = undelayed("odometry", wheels, config.latency_s["odometry"])
+            table = as_measured("odometry", wheels, config, config.latency_s["odometry"])
             arrival = wheels.get("arrival_ns", wheels["stamp_ns"])
             add_odometry(messages, {**table, "arrival_ns": arrival})
         if by_scans:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import logging
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +21,11 @@ from locfuse.io.recording import convert_dataset, read_recording
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.health import health_metrics, health_of, watched_metrics, watched_of
 from locfuse.run.mcl import Localization, Stopwatch, localize, with_poses_of
-from locfuse.run.messages import (
-    Messages,
-    absent,
-    cut_off,
-    landmarks_of,
-    radios_of,
-    to_messages,
-    truth_of,
-)
+from locfuse.run.messages import Messages, absent, cut_off, to_messages, truth_of
 from locfuse.run.missing_inputs import sigma_key
 from locfuse.run.odometry import as_recorded, with_odometry
 from locfuse.run.outcomes import outcomes_of, outcomes_of_mcl, with_scans, with_switches
-from locfuse.run.start import start_from_nothing, start_height, start_of
-from locfuse.run.tracker import mapped_landmarks, mapping_metrics, recovering_ekf
+from locfuse.run.tracker import Started, mapped_landmarks, mapping_metrics, started_ekf
 from locfuse.sim.scenario import simulate
 from locfuse.types import (
     NANOSECONDS,
@@ -149,19 +140,6 @@ def warn_missing_sources(config: RunConfig, log: Log) -> None:
         _logger.warning("use names %s, but the log has none%s", lacking, bag)
 
 
-@dataclass(frozen=True)
-class _Started:
-    """An EKF at its start.
-
-    Messages up to `used_until` were used to find the start; None if it was given.
-    """
-
-    filter: _core.RecoveringEkf
-    stamp_ns: int
-    used_until: int | None
-    found: Start | None
-
-
 def _fuse(
     config: RunConfig,
     log: Log,
@@ -172,7 +150,7 @@ def _fuse(
 ) -> RunResult:
     """Run the pose EKF; its poses may come from a localization."""
     messages = to_messages(log, config)
-    started = _start(config, log, messages, start)
+    started = started_ekf(config, log, messages, start)
     total = len(messages.log)
 
     def result_of(record: _core.RunLog, log: Log, messages: Messages) -> RunResult:
@@ -211,33 +189,11 @@ def _fuse(
     return result
 
 
-def _start(
-    config: RunConfig, log: Log, messages: Messages, start: _core.PoseEstimate | None
-) -> _Started:
-    """Return the EKF at a given start, or at the one that the configuration asks for."""
-    anchors, tags = radios_of(log, messages, config)
-    landmarks = landmarks_of(log, messages)
-    truth, height = truth_of(log), None
-    if start is None and config.start == "truth" and config.estimator.kind == "air":
-        height = start_height(truth, messages)
-    recovering = recovering_ekf(config, log, messages.landmark_names, anchors, tags,
-                                start_height=height)  # fmt: skip
-    used_until, found = None, None
-    if start is None and config.searches_start:
-        initializer, used_until, found = start_from_nothing(
-            config, log, messages.log, messages.begin_ns, anchors, tags, landmarks
-        )
-        recovering.start_from(initializer)
-    else:
-        recovering.start_at(start_of(config, truth, messages) if start is None else start)
-    return _Started(recovering, recovering.current().stamp, used_until, found)
-
-
 def _fused(
     config: RunConfig,
     log: Log,
     messages: Messages,
-    started: _Started,
+    started: Started,
     record: _core.RunLog,
     wall_s: float,
     localization: Localization | None,

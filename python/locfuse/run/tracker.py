@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
@@ -12,12 +13,32 @@ import numpy as np
 from locfuse import _core
 from locfuse.config.build import build_recovering_config
 from locfuse.config.schema import RunConfig
-from locfuse.run.messages import known_landmarks, landmark_sight
+from locfuse.run.messages import (
+    Messages,
+    known_landmarks,
+    landmark_sight,
+    landmarks_of,
+    radios_of,
+    truth_of,
+)
 from locfuse.run.missing_inputs import how_to_add
-from locfuse.run.start import matcher_of
-from locfuse.types import Log, LogError, MappedLandmarks
+from locfuse.run.start import matcher_of, start_from_nothing, start_height, start_of
+from locfuse.types import Log, LogError, MappedLandmarks, Start
 
 TRIANGLE = 3
+
+
+@dataclass(frozen=True)
+class Started:
+    """An EKF at its start.
+
+    Messages up to `used_until` were used to find the start; None if it was given.
+    """
+
+    filter: _core.RecoveringEkf
+    stamp_ns: int
+    used_until: int | None
+    found: Start | None
 
 
 def recovering_ekf(
@@ -54,6 +75,28 @@ def recovering_ekf(
         if kind != "tag_triangle":
             raise
         raise LogError(f"estimator.kind 'tag_triangle': {error}") from error
+
+
+def started_ekf(
+    config: RunConfig, log: Log, messages: Messages, start: _core.PoseEstimate | None
+) -> Started:
+    """Return the EKF at a given start, or at the one that the configuration asks for."""
+    anchors, tags = radios_of(log, messages, config)
+    landmarks = landmarks_of(log, messages)
+    truth, height = truth_of(log), None
+    if start is None and config.start == "truth" and config.estimator.kind == "air":
+        height = start_height(truth, messages)
+    recovering = recovering_ekf(config, log, messages.landmark_names, anchors, tags,
+                                start_height=height)  # fmt: skip
+    used_until, found = None, None
+    if start is None and config.searches_start:
+        initializer, used_until, found = start_from_nothing(
+            config, log, messages.log, messages.begin_ns, anchors, tags, landmarks
+        )
+        recovering.start_from(initializer)
+    else:
+        recovering.start_at(start_of(config, truth, messages) if start is None else start)
+    return Started(recovering, recovering.current().stamp, used_until, found)
 
 
 def mapping_metrics(

@@ -28,6 +28,7 @@ from locfuse.config.build import (
 from locfuse.config.load import parse_config
 from locfuse.config.schema import (
     BASIC,
+    OF_MESSAGES,
     ROBOT,
     Adaptive,
     BeamModel,
@@ -79,7 +80,6 @@ OF_THE_RUN = {
     "Estimator": {"kind", "landmark_slam", "tag_triangle", "air"},
     "Mcl": {"poses_hz", "switch", "seed", "likelihood"},
 }  # keys that say more, or other things, than the struct
-LATENCY = "latency_s"  # of the run: the struct gets stamps without it
 BESIDE = {
     "Mcl": {"health", "watch_poses", *ROBOT},
     "Initializer": {"method", "estimator", "tag_conditioner", "watch_poses"},
@@ -128,7 +128,7 @@ LEAVES = [
     for root in BUILDERS
     for path in leaves(PAIRS[root][0])
     if path[0] not in OF_THE_RUN.get(root, ())
-    and path[-1] != LATENCY
+    and path[-1] not in OF_MESSAGES
     and not isinstance(at(PAIRS[root][0](), path), str | bool)
 ]
 
@@ -143,7 +143,7 @@ def nested(path: tuple[str, ...], value: Any) -> dict[str, Any]:
 def test_schema_binding_and_header_have_the_same_fields(name: str) -> None:
     model, struct, header = PAIRS[name]
 
-    ours = (OF_THE_RUN.get(name, set()) | {LATENCY}) - bound_fields(struct)
+    ours = (OF_THE_RUN.get(name, set()) | set(OF_MESSAGES)) - bound_fields(struct)
     beside = BESIDE.get(name, set())
     bound = bound_fields(struct)
     keys = set(model.model_fields) - ours
@@ -163,7 +163,7 @@ def test_every_default_is_that_of_the_struct(leaf: tuple[str, ...]) -> None:
 @pytest.mark.parametrize("name", ["Odometry", "Range", "Position", "Pose"])
 def test_a_model_of_its_own_has_the_defaults_it_has_inside_the_estimator(name: str) -> None:
     model, struct, _ = PAIRS[name]
-    for field in set(model.model_fields) - {LATENCY, "noise"}:
+    for field in set(model.model_fields) - {*OF_MESSAGES, "noise"}:
         assert getattr(model(), field) == getattr(struct(), field)
         assert getattr(getattr(_core.PoseEkfConfig(), name.lower()), field) == getattr(
             struct(), field
