@@ -25,6 +25,7 @@ COMMANDS = {
     "convert": "Convert between bags, log folders and published recordings.",
     "evaluate": "Compare two trajectories: position error at matching stamps.",
     "survey": "Find where anchors and landmarks are, by a drive among them.",
+    "tune": "Find noise, latencies and scales by recordings.",
     "position": "Locate tags from ranges alone, each epoch by itself.",
     "reproduce": "Run a paper's experiments and compare them with its claims.",
     "sweep": "Run a configuration many times with other seeds and values.",

@@ -2,7 +2,7 @@
 """Pictures of a run, of the layout of anchors and of a sweep; needs matplotlib.
 
 Each function takes a `RunResult`, `plot_layout` a `Layout`, `plot_survey` a
-`SurveyResult`, and returns a free-standing matplotlib
+`SurveyResult`, `plot_tune` a `TuneResult`, and returns a free-standing matplotlib
 `Figure`; nothing touches pyplot or process-wide settings. Long runs are decimated to what a
 picture can show, and never so that an extreme error or a stretch of rejections disappears.
 """
@@ -25,6 +25,7 @@ from locfuse.report.plot.start import plot_start
 from locfuse.report.plot.style import save
 from locfuse.report.plot.survey import plot_survey
 from locfuse.report.plot.sweep import draw_sweep
+from locfuse.report.plot.tune import plot_tune
 
 __all__ = [
     "check_film",
@@ -38,6 +39,7 @@ __all__ = [
     "plot_path",
     "plot_start",
     "plot_survey",
+    "plot_tune",
     "plot_watched",
     "save",
     "write_film",
