@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -167,16 +166,20 @@ def as_measured(source: Source, table: Columns, config: RunConfig, latency_s: fl
 
 
 def corrected(motion: Mapping[str, Any], wheels: Odometry) -> dict[str, Any]:
-    """Return columns of odometry, or numbers of a row, with the wheels' errors taken out."""
-    forward, left, turn = MOTION if "dx_m" in motion else VELOCITY
-    scale, angle = wheels.distance_scale, wheels.direction_rad
-    found = {forward: motion[forward], turn: motion[turn]}
-    found |= {left: motion[left]} if left in motion else {}
-    if angle != 0.0:
-        c, s = math.cos(angle), math.sin(angle)
+    """Return columns of odometry, or numbers of a row, with the wheels' errors taken out.
+
+    By docs/models/motion.md eq. (1.7): a chord turns by half of what the turn does.
+    """
+    names = forward, left, turn = MOTION if "dx_m" in motion else VELOCITY
+    found = {name: motion[name] for name in names if name in motion}
+    angle = wheels.direction_rad
+    if names == MOTION and wheels.turn_scale != 1.0:
+        angle = angle + 0.5 * (wheels.turn_scale - 1.0) * motion[turn]
+    if np.any(angle):
+        c, s = np.cos(angle), np.sin(angle)
         x, y = motion[forward], motion.get(left, 0.0)
         found |= {forward: c * x - s * y, left: s * x + c * y}
-    return {name: value * (wheels.turn_scale if name == turn else scale)
+    return {name: value * (wheels.turn_scale if name == turn else wheels.distance_scale)
             for name, value in found.items()}  # fmt: skip
 
 
