@@ -14,7 +14,7 @@ from locfuse.check.headings import heading_error
 from locfuse.check.positions import epochs, interpolated, located, residuals_of
 from locfuse.config.schema import SOURCES, Estimator, RangeError, RunConfig
 from locfuse.eval.dead_reckoning import Track, align, at_times, dead_reckon, levered
-from locfuse.run.messages import truth_of
+from locfuse.run.messages import corrected, truth_of
 from locfuse.types import NANOSECONDS, Columns, FloatArray, Log, StampArray, Trajectory
 
 _MIN_EPOCHS = 10
@@ -274,9 +274,11 @@ class Context:
 
     @cached_property
     def odometry(self) -> Trajectory | None:
-        """Dead reckoning from the origin."""
+        """Dead reckoning from the origin, without the errors that the configuration knows."""
         table = self.used("odometry")
-        return None if table is None or len(table["stamp_ns"]) < 2 else dead_reckon(table)
+        if table is None or len(table["stamp_ns"]) < 2:
+            return None
+        return dead_reckon({**table, **corrected(table, self.models.odometry)})
 
     @cached_property
     def references(self) -> list[Track]:

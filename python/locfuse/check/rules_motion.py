@@ -91,7 +91,10 @@ def scale_of_the_odometry(context: Context) -> Iterator[Finding]:
             which = "odometry.csv" if scale < 1.0 else track.name
             yield error(f"{measured}: {unit}?", which, "write metres")
         elif not 0.85 < scale < 1.18:
-            yield warning(measured, "odometry.csv", "calibrate the wheels, or check the gear ratio")
+            known = scale * context.models.odometry.distance_scale
+            yield warning(measured, "odometry.csv", "check the gear ratio, or set "
+                          f"estimator.odometry.distance_scale: {known:.4g}, which locfuse tune "
+                          "finds, too")  # fmt: skip
         else:
             yield note(measured, "odometry.csv")
         return

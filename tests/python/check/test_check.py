@@ -834,6 +834,14 @@ def test_lengths_in_another_unit_are_named(
         assert finding.where == where
 
 
+def test_a_scale_of_wheels_that_the_configuration_knows_is_none() -> None:
+    edit = scaled("odometry", "dx_m", 1.4)
+    (finding,) = found(checked(healthy(), edit), "scale_of_the_odometry", "warning")
+    assert "distance_scale: 0.7" in finding.advice
+    known = healthy(estimator__odometry={"distance_scale": 1.0 / 1.4})
+    assert not found(checked(known, edit), "scale_of_the_odometry", "warning")
+
+
 @pytest.mark.parametrize("edit", [None, without("truth")], ids=["truth", "no truth"])
 def test_an_offset_is_not_taken_for_a_height_nor_a_height_for_an_offset(
     edit: Callable[[Tables], object] | None,
