@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.config.build import build_estimator_config
-from locfuse.config.schema import OF_MESSAGES, RunConfig
+from locfuse.config.schema import OF_MESSAGES, Odometry, RunConfig
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.mcl import localize, with_poses_of
 from locfuse.run.messages import Messages, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.run.odometry import uses_gyro, with_odometry
 from locfuse.run.start import start_height
 from locfuse.run.tracker import recovering_ekf, started_ekf
+from locfuse.tune.steps import Steps, steps_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray
 
 # Beyond six sigmas a measurement is an outlier; nearer ones are the tail of noise, or of motions.
@@ -40,6 +41,7 @@ class Drive:
     start: _core.PoseEstimate
     height_m: float | None
     used_until: int | None
+    steps: Steps | None
 
     def rows(self, kept: Mapping[str, NDArray[np.bool_]]) -> Drive:
         """Return the drive with some rows of its measurements only."""
@@ -99,7 +101,11 @@ def drive_of(config: RunConfig, log: Log) -> Drive:
     begin = started.filter.current()
     of_truth = config.start == "truth" and config.estimator.kind == "air"
     height = start_height(truth_of(log), messages) if of_truth else None
-    return Drive(log, begin, height, started.used_until)
+    has_gyro = uses_gyro(config) and "imu" in log
+    of_wheels = ("odometry" in log and "odometry" in config.use and not has_gyro
+                 and config.estimator.filter in ("pose", "landmark_slam"))  # fmt: skip
+    steps = steps_of(log["odometry"], config) if of_wheels else None
+    return Drive(log, begin, height, started.used_until, steps)
 
 
 @dataclass(frozen=True)
@@ -113,16 +119,27 @@ class Ready:
 
 def key_of_messages(config: RunConfig, drive: Drive) -> object:
     """Return what the messages of a drive depend on: equal keys, equal messages."""
-    wheels = config.estimator.odometry
-    has_gyro = uses_gyro(config) and "imu" in drive.log
-    of_gyro = (wheels.model_dump_json(), config.imu.model_dump_json()) if has_gyro else None
-    corrections = tuple(getattr(wheels, name) for name in OF_MESSAGES)
-    return corrections, tuple(config.latency_s.values()), of_gyro
+    return (config.estimator.odometry.model_dump_json(), config.imu.model_dump_json(),
+            *config.latency_s.values())  # fmt: skip
 
 
-def ready(config: RunConfig, drive: Drive) -> Ready:
-    """Return the messages of a drive, with the corrections of a configuration."""
-    log = _moved(config, drive.log)
+def ready(config: RunConfig, drive: Drive, *, by_steps: bool = False) -> Ready:
+    """Return the messages of a drive, with the corrections of a configuration.
+
+    With `by_steps` odometry has variances of its own, see `Steps`.
+    """
+    if by_steps and drive.steps is not None:
+        wheels = config.estimator.odometry
+        tables = {**drive.log.tables, "odometry": drive.steps.table(wheels)}
+        log = replace(drive.log, tables=tables)
+        right = {name: Odometry.model_fields[name].default for name in OF_MESSAGES
+                 if name != "latency_s"}  # fmt: skip
+        estimator = config.estimator.model_copy(
+            update={"odometry": wheels.model_copy(update=right)}
+        )
+        config = config.model_copy(update={"estimator": estimator})
+    else:
+        log = _moved(config, drive.log)
     messages = to_messages(log, config)
     sources = [source for source in drive.log.tables
                if source in config.use and source not in ("odometry", "imu")]  # fmt: skip

@@ -215,7 +215,7 @@ class Problem:
         key = index, key_of_messages(config, drive)
         made = self._made.get(key)
         if made is None:
-            made = ready(config, drive)
+            made = ready(config, drive, by_steps=True)
             self._made[key] = made
             for old in list(self._made)[: -_KEPT * len(self._trimmed)]:
                 self._made.pop(old, None)

@@ -22,7 +22,7 @@ from support_runs import CONFIGS, locfuse, require_recording_of
 
 SIGMA = "estimator.range.sigma_m"
 WHEELS = "estimator.odometry"
-ROBOTS = 6
+ROBOTS = 4
 DRIVE: dict[str, Any] = {
     "duration_s": 100.0, "poses": None, "path": {"shape": "waypoints", "speed_mps": 0.5},
     "ranges": {"sigma_m": 0.1, "sigma_relative": 0.0},
@@ -72,8 +72,8 @@ def test_sigmas_of_robots_are_found_within_a_quarter_and_their_intervals() -> No
             assert 0.95 < fit.after.nis < 1.06, fit
     assert np.mean(np.equal(spacings, 0.0)) >= 0.8, "white noise is independent"
     assert np.mean(np.abs(np.log(ratios)) < np.log(1.25)) >= 0.9
-    # 18 values: their mean square is in 0.3 to 2.0 with 99.7 %; intervals are cautious at most.
-    assert 0.3 < np.mean(np.square(z)) < 2.0
+    # 12 values: their mean square is in 0.2 to 2.5 with 99.7 %; intervals are cautious at most.
+    assert 0.2 < np.mean(np.square(z)) < 2.5
 
 
 def test_errors_of_wheels_and_a_latency_are_found_and_taken_out() -> None:
