@@ -18,6 +18,7 @@ from locfuse.run.cylinders import with_cylinders
 from locfuse.run.mcl import localize, with_poses_of
 from locfuse.run.messages import Messages, landmarks_of, radios_of, to_messages, truth_of
 from locfuse.run.odometry import uses_gyro, with_odometry
+from locfuse.run.run import run
 from locfuse.run.start import start_height
 from locfuse.run.tracker import recovering_ekf, started_ekf
 from locfuse.tune.steps import Steps, steps_of
@@ -26,6 +27,8 @@ from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray
 # Beyond six sigmas a measurement is an outlier; nearer ones are the tail of noise, or of motions.
 FITS = 1.0 - 2e-9
 GATE = 0.999
+# Messages may be this late, as some are at latencies that are tried.
+HISTORY_S = 10.0
 _SENSORS = ("range", "position", "pose", "landmark", "heading")
 
 
@@ -69,7 +72,7 @@ class Compared:
     @property
     def is_compared(self) -> NDArray[np.bool_]:
         """Whether there was something to compare with."""
-        return self.dof > 0
+        return self.is_late & (self.dof > 0)
 
     @property
     def at_limit(self) -> FloatArray:
@@ -85,7 +88,12 @@ class Compared:
     @property
     def fits(self) -> NDArray[np.bool_]:
         """Whether it is none of the outliers."""
-        return self.is_compared & (self.nis <= self._limits)
+        return self.is_late & self.is_usable
+
+    @property
+    def is_usable(self) -> NDArray[np.bool_]:
+        """Whether it is none of the outliers, or one of the first second that is none."""
+        return (self.dof > 0) & (self.nis <= self._limits)
 
 
 def drive_of(config: RunConfig, log: Log) -> Drive:
@@ -155,7 +163,8 @@ def compared(config: RunConfig, drive: Drive, made: Ready | None = None) -> dict
     made = ready(config, drive) if made is None else made
     record = _core.replay(
         _filter(config, made, drive), made.messages.log,
-        history=round(config.history_s * NANOSECONDS), used_until=drive.used_until,
+        history=round(max(config.history_s, HISTORY_S) * NANOSECONDS),
+        used_until=drive.used_until,
         clock_jump=_core.ClockJump[config.clock_jump.upper()],
         max_messages=config.history_messages,
     )  # fmt: skip
@@ -171,9 +180,26 @@ def compared(config: RunConfig, drive: Drive, made: Ready | None = None) -> dict
             table[name] = np.full(len(stamp), 0 if name == "dof" else np.nan, column.dtype)
             table[name][row] = column[of]
         is_late = stamp >= drive.start.stamp + NANOSECONDS
-        table["dof"][~is_late] = 0
         found[source] = Compared(stamp, is_late, **table)
     return found
+
+
+@dataclass(frozen=True)
+class Driven:
+    """How an estimator drives a recording: position RMSE, NaN without truth, and restarts."""
+
+    position_rmse_m: float
+    restarts: int
+
+
+def driven(config: RunConfig, drive: Drive) -> Driven:
+    """Run a drive as a user does, from its start."""
+    log, start = drive.log, drive.start
+    if config.mcl is not None:  # whose poses are in the log
+        config = config.model_copy(update={"mcl": None})
+    metrics = run(config, log, start=None if drive.used_until is not None else start).metrics
+    rmse = metrics["position_rmse_m"]
+    return Driven(np.nan if rmse is None else rmse, metrics["health"]["restarts"])
 
 
 def without_gates(config: RunConfig) -> RunConfig:

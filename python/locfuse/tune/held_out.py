@@ -67,16 +67,16 @@ def held_out(
     problem: Problem,
     quantities: Sequence[Quantity],
     values: Mapping[str, float],
-    noises: Mapping[str, str],
+    others: Mapping[str, float | str],
 ) -> tuple[HeldOut, ...]:
-    """Predict each half of the recordings with what the other half says."""
+    """Predict each half of the recordings with what the other half says, and `others` as given."""
     drives = problem.spaced()
     before = [compared(problem.config, drive) for drive in drives]
     halves = []
     for part in (0, 1):
         problem.part = part
         found = problem.find(quantities, values)
-        config = problem.with_values({**found.values, **noises})
+        config = problem.with_values({**found.values, **others})
         halves.append([compared(config, drive) for drive in drives])
     problem.part = None
     results = []

@@ -20,6 +20,9 @@ _VAGUE = math.log(1.65)  # half of an interval of a sigma's logarithm: wider one
 _DROP = 1.92  # of the log-likelihood at the ends of a 95 % interval
 _DROP_ONE_SIDED = 1.35
 _BISECTIONS = 5
+# The likelihood of a latency or a scale has ripples of some nats, as noise of wheels and of
+# measurements is paired anew: less is no evidence.
+_RIPPLE = 6.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,8 @@ class Judged:
 def judged(problem: Problem, found: Found) -> list[Judged]:
     """Judge quantities one after another, those that are known least first; others find anew."""
     answers: dict[str, Judged] = {}
-    sure: set[str] = set()  # vague, but the configuration's value is refuted
+    sure: set[str] = set()  # the configuration's value is refuted
+    least: dict[str, float] = {}  # half of the interval by what the configuration's value costs
     is_last = False
     while True:
         half = _half_widths(problem, found, anew=is_last)
@@ -54,6 +58,8 @@ def judged(problem: Problem, found: Found) -> list[Judged]:
         half = [math.inf if q.is_sigma and problem.may_vanish(found, i, _DROP) else width
                 for i, (q, width) in enumerate(zip(found.quantities, half, strict=True))
                 ]  # fmt: skip
+        unsure = [i for i, q in enumerate(found.quantities) if not q.is_sigma and i not in fits
+                  and q.key not in sure]  # fmt: skip
         vague = [i for i, q in enumerate(found.quantities) if q.is_sigma and half[i] > _VAGUE
                  and q.key not in sure]  # fmt: skip
         if fits:
@@ -62,6 +68,21 @@ def judged(problem: Problem, found: Found) -> list[Judged]:
                 word: Word = "fits" if half[i] <= q.wide else "not told"
                 answers[q.key] = _answer(found, i, half[i], word)
             found = _without(problem, found, fits, {})
+        elif unsure:
+            i = unsure[0]
+            q = found.quantities[i]
+            without = _without(problem, found, [i], {})
+            gain = found.value - without.value
+            off = abs(float(found.maximum.at[i]) - q.now)
+            least[q.key] = problem.student * off / math.sqrt(2.0 * max(gain, 0.1))
+            if gain < _RIPPLE:
+                half_width = max(half[i], off)
+                word = "fits" if half_width <= q.wide else "not told"
+                answers[q.key] = _answer(found, i, half_width, word)
+                found = without
+                continue
+            del problem.fixed[q.key]
+            sure.add(q.key)
         elif vague:
             i = max(vague, key=lambda i: half[i])
             q = found.quantities[i]
@@ -76,13 +97,14 @@ def judged(problem: Problem, found: Found) -> list[Judged]:
                 sure.add(q.key)
                 continue
             answers[q.key] = Judged(q, "at most", most, 0.0, most)
-            found = _without(problem, found, [i], {q.key: most})
+            # Others are judged with the likeliest value: its end would take their part.
+            found = _without(problem, found, [i], found.values)
         elif is_last:
             break
         else:
             is_last = True
     for i, q in enumerate(found.quantities):
-        answers[q.key] = _answer(found, i, half[i], "found")
+        answers[q.key] = _answer(found, i, max(half[i], least.get(q.key, 0.0)), "found")
     return sorted(answers.values(), key=lambda a: a.quantity.key)
 
 

@@ -25,8 +25,9 @@ from locfuse.tune.drive import (
 )
 from locfuse.tune.maximize import Maximum, Variable, covariance, maximize, positive
 from locfuse.tune.quantity import Quantity, with_values
-from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
+from locfuse.types import NANOSECONDS, Columns, FloatArray, LogError, StampArray
 
+_LEAST_MEASUREMENTS = 50
 _BLOCK_S = 20.0  # errors of stretches so far apart are independent
 _BLOCKS = (10, 100)
 _KEPT = 4  # sets of messages that are kept for the next steps
@@ -84,6 +85,7 @@ class Problem:
         self._expected = 0
         first = self.compared(robust(config))
         self._kept = [{source: one.is_compared for source, one in each.items()} for each in first]
+        self._early = self._of_the_first_second(first)
         self._of_outlier = [{source: one.at_limit for source, one in each.items()}
                             for each in first]  # fmt: skip
         self._arrange()
@@ -93,20 +95,40 @@ class Problem:
         """Number of measurements that count."""
         return sum(int(rows.sum()) for each in self._kept for rows in each.values())
 
+    def check(self) -> None:
+        """Raise LogError where a recording has next to nothing to compare."""
+        for index, kept in enumerate(self._kept):
+            count = sum(int(rows.sum()) for rows in kept.values())
+            if count < _LEAST_MEASUREMENTS:
+                several = len(self.drives) > 1
+                which = f"log {index + 1} of {len(self.drives)}" if several else "the log"
+                raise LogError(f"{which} has {count} measurements that the estimator can compare "
+                               f"with what it expects; tune needs {_LEAST_MEASUREMENTS}"
+                               )  # fmt: skip
+
     def compared(self, config: RunConfig) -> list[dict[str, Compared]]:
         """Fuse all recordings with a configuration."""
         return [compared(config, drive) for drive in self.drives]
 
     def leave_outliers_out(self, values: Mapping[str, float]) -> int:
         """Count what fits with these values and nothing else; return how many have changed."""
-        kept = [{source: one.fits for source, one in each.items()}
-                for each in self.compared(robust(self.with_values(values)))]  # fmt: skip
+        found = self.compared(robust(self.with_values(values)))
+        kept = [{source: one.fits for source, one in each.items()} for each in found]
+        self._early = self._of_the_first_second(found)
         changed = sum(int(np.sum(rows != before[source])) for each, before
                       in zip(kept, self._kept, strict=True)
                       for source, rows in each.items())  # fmt: skip
         self._kept = kept
         self._arrange()
         return changed
+
+    @staticmethod
+    def _of_the_first_second(
+        found: Sequence[Mapping[str, Compared]],
+    ) -> list[dict[str, NDArray[np.bool_]]]:
+        """Return which rows are fused before those that are compared."""
+        return [{source: one.is_usable & ~one.is_late for source, one in each.items()}
+                for each in found]  # fmt: skip
 
     def score(self, config: RunConfig) -> float:
         """Return the log-likelihood of all measurements with a configuration.
@@ -188,13 +210,12 @@ class Problem:
         self._counts: list[int] = []
         self._made: dict[object, Ready] = {}
         self._middle_ns: list[int] = []
-        for drive, fitting in zip(self.drives, self._kept, strict=True):
+        for drive, fitting, early in zip(self.drives, self._kept, self._early, strict=True):
             kept = {source: rows & spaced(drive.log[source], rows, self.spacing_s)
                     for source, rows in fitting.items()}  # fmt: skip
             # The first second is fused, and not compared.
             begin = drive.start.stamp + NANOSECONDS
-            rows = {source: one | (drive.log[source]["stamp_ns"] < begin)
-                    for source, one in kept.items()}  # fmt: skip
+            rows = {source: one | early[source] for source, one in kept.items()}
             self._trimmed.append(drive.rows(rows))
             stamps = [drive.log[source]["stamp_ns"][kept[source]] for source in sorted(kept)]
             stamp = np.concatenate([np.zeros(0, np.int64), *stamps])

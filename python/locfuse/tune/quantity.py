@@ -19,6 +19,9 @@ from locfuse.tune.maximize import Variable
 
 # Sigmas below these do nothing to any estimate [m], [rad] and the same per root of m, rad and s.
 NOTHING = 1e-5
+_ENDS = {"distance_scale": (1e-3, 1e3), "turn_scale": (1e-3, 1e3), "direction_rad": (-0.5, 0.5),
+         "latency_s": (-5.0, 5.0), "antenna_forward_m": (-1e3, 1e3), "antenna_left_m": (-1e3, 1e3)
+         }  # fmt: skip
 _OFFSETS = "calibration.sigma_anchor_offset_m"
 OFFSET_KEYS = (f"estimator.{_OFFSETS}", "estimator.calibration.anchor_offset_correlation_s")
 
@@ -47,7 +50,8 @@ class Quantity:
             return Variable(math.log(max(begin, NOTHING)), 0.2, 0.03, 0.5, 1.0,
                             math.log(NOTHING), math.log(1e4))  # fmt: skip
         step = 0.2 * self.wide
-        return Variable(self.now, step, 0.01 * step, 3.0 * step, 10.0 * step, -math.inf, math.inf)
+        low, high = _ENDS[self.key.rsplit(".", 1)[-1]]
+        return Variable(self.now, step, 0.01 * step, 3.0 * step, 10.0 * step, low, high)
 
     def value(self, at: float) -> float:
         """Return the value at a coordinate of the variable."""
@@ -86,7 +90,7 @@ def changes(values: Mapping[str, float | str]) -> dict[str, Any]:
         *parents, last = key.split(".")
         for parent in parents:
             node = node.setdefault(parent, {})
-        node[last] = _short(value)
+        node[last] = short(value)
     return changed
 
 
@@ -106,7 +110,8 @@ def _of_wheels(config: RunConfig, drives: Sequence[Drive], sources: set[Any]) ->
         calibration = config.estimator.calibration
         if calibration.sigma_scale == 0.0:
             yield _plain(config, "estimator.odometry.distance_scale", 0.05)
-        if calibration.sigma_direction_rad == 0.0:
+        # Without anything that sees the heading, the direction is told by that of the start alone.
+        if calibration.sigma_direction_rad == 0.0 and sources & {"landmark_sightings", "poses"}:
             yield _plain(config, "estimator.odometry.direction_rad", 0.05)
         if calibration.sigma_turn_scale == 0.0 and not has_gyro:
             yield _plain(config, "estimator.odometry.turn_scale", 0.05)
@@ -146,10 +151,12 @@ def _of_sensors(
         yield _sigma(config, f"estimator.heading.{key}", 0.05)
     if "altitudes" in sources and _unsaid(drives, "altitudes", "sigma_m"):
         yield _sigma(config, "estimator.air.altitude.sigma_m", 0.1)
+    changes_pace = "odometry" in sources and any(
+        drive.steps is None or drive.steps.change_pace for drive in drives)  # fmt: skip
     for source, section in (("ranges", "range"), ("positions", "position"),
                             ("landmark_sightings", "landmark"), ("headings", "heading"),
                             ("altitudes", "air.altitude")):  # fmt: skip
-        if "odometry" in sources and source in sources - made and is_late.get(source, 0.0) == 0.0:
+        if changes_pace and source in sources - made and is_late.get(source, 0.0) == 0.0:
             yield _plain(config, f"estimator.{section}.latency_s", 0.2)
 
 
@@ -196,7 +203,8 @@ def _with(model: Any, path: Sequence[str], value: float | str) -> Any:
     return model.model_copy(update={first: inner})
 
 
-def _short(value: float | str) -> float | str:
+def short(value: float | str) -> float | str:
+    """Return a value with the digits that count."""
     if isinstance(value, str):
         return value
     return float(f"{value:.3g}") if abs(value - 1.0) > 0.2 else round(value, 4)

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from locfuse.config.schema import RunConfig
+from locfuse.tune.drive import Driven
 from locfuse.tune.held_out import HeldOut, Outliers
 from locfuse.tune.judge import Judged
 from locfuse.types import nearest
@@ -20,14 +21,15 @@ class TuneResult:
     """Quantities in order of their keys, and how well measurements are predicted.
 
     Measurements of one anchor, landmark or tag that are `spacing_s` apart are independent; 0: all
-    are. `findings` are sentences. `changes` is the part of the configuration that changes,
-    `config` the whole with it.
+    are. `driven` has each recording before and after. `findings` are sentences. `changes` is the
+    part of the configuration that changes, `config` the whole with it.
     """
 
     quantities: tuple[Judged, ...]
     spacing_s: float
     outliers: tuple[Outliers, ...]
     held_out: tuple[HeldOut, ...]
+    driven: tuple[tuple[Driven, Driven], ...]
     findings: tuple[str, ...]
     changes: dict[str, Any]
     config: RunConfig
@@ -48,7 +50,8 @@ class TuneResult:
     @staticmethod
     def whole_yaml(config: RunConfig, base: Path) -> str:
         """Return a configuration as a file of any folder; its paths are relative to `base`."""
-        written = config.model_dump(mode="json", exclude_unset=True)
+        written = {key: value for key, value in config.model_dump(mode="json", exclude_unset=True)
+                   .items() if value not in (None, {})}  # fmt: skip
         for parents, key in (((), "log"), (("log",), "path"), (("ros",), "world")):
             node = written
             for parent in parents:

@@ -13,6 +13,8 @@ from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
 
 # Over so long a noise is small against a turn, and a robot does one thing.
 _WINDOW_S = 1.0
+_STEADY = 0.25  # share by which a steady pace varies at most
+_SLOW = 0.05  # [m/s] and [rad/s]
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,14 @@ class Steps:
     arrival_ns: StampArray
     motion: FloatArray
     mean: FloatArray
+
+    @property
+    def change_pace(self) -> bool:
+        """Whether speed or turn rate vary: at one pace a latency is another place on the way."""
+        seconds = (self.stamp_ns - self.begin_ns) / NANOSECONDS
+        pace = self.mean[:, [0, 2]] / seconds[:, None]
+        size = np.sqrt(np.mean(pace**2, axis=0))
+        return bool(np.any(pace.std(axis=0) > _STEADY * np.maximum(size, _SLOW)))
 
     def table(self, wheels: Odometry) -> Columns:
         """Return odometry, corrected, with the variance of each motion."""

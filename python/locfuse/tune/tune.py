@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -11,12 +12,12 @@ import numpy as np
 
 from locfuse.config.schema import RunConfig
 from locfuse.run.run import load_log
-from locfuse.tune.drive import drive_of
+from locfuse.tune.drive import drive_of, driven
 from locfuse.tune.findings import findings
 from locfuse.tune.held_out import Outliers, held_out, margin_of, outliers
 from locfuse.tune.judge import Judged, judged
 from locfuse.tune.problem import Found, Problem
-from locfuse.tune.quantity import Quantity, changes, quantities, with_values
+from locfuse.tune.quantity import Quantity, changes, quantities, short, with_values
 from locfuse.tune.result import TuneResult
 from locfuse.tune.spacing import SPACINGS_S, chosen, enough
 from locfuse.types import ConfigError, Log
@@ -24,10 +25,10 @@ from locfuse.types import ConfigError, Log
 _logger = logging.getLogger(__name__)
 Progress = Callable[[int, int], None]
 
-_LEAST_MEASUREMENTS = 50
 _OUTLIER_ROUNDS = 8
 LATENCY_OF_WHEELS = "estimator.odometry.latency_s"
 _RARE = 0.005  # a share of outliers that any noise does with
+_MANY = 0.03
 _MOSTLY = 0.8
 _SETTLED = 0.002  # share of the measurements that may still change sides
 
@@ -60,7 +61,8 @@ def tune(
     Examples
     --------
     >>> from locfuse.config.load import parse_config
-    >>> drive = {"ranges": {"sigma_m": 0.1, "sigma_relative": 0}, "poses": None}
+    >>> drive = {"path": {"shape": "waypoints"}, "poses": None,
+    ...          "ranges": {"sigma_m": 0.1, "sigma_relative": 0}}
     >>> found = tune(parse_config({"simulation": drive}))
     >>> 0.08 < found["estimator.range.sigma_m"].value < 0.12
     True
@@ -69,9 +71,7 @@ def tune(
     given = list(logs) or [load_log(config, base, config.seed)]
     drives = [drive_of(config, log) for log in given]
     problem = Problem(config, drives, progress)
-    if problem.count < _LEAST_MEASUREMENTS:
-        raise ConfigError(f"{problem.count} measurements can be compared with what odometry "
-                          f"predicts; tune needs {_LEAST_MEASUREMENTS}")  # fmt: skip
+    problem.check()
     found = _independent(problem, quantities(config, drives))
     answers = judged(problem, found)
     values = {a.quantity.key: a.value for a in answers if a.changes}
@@ -79,21 +79,27 @@ def tune(
     left_out = outliers(problem, values)
     noises = _noises(problem, values, left_out)
     found_ones = [a.quantity for a in answers if a.word == "found"]
-    predicted = held_out(problem, found_ones, values, noises)
+    ends = {a.quantity.key: a.value for a in answers if a.word == "at most"}
+    predicted = held_out(problem, found_ones, values, {**ends, **noises})
     margin = margin_of(predicted)
     final: dict[str, float | str] = {**_not_negative(config, answers), **noises}
     final |= {a.quantity.key: margin * a.value for a in answers
               if a.changes and a.quantity.is_sigma}  # fmt: skip
+    latest = max((float(v) for key, v in final.items() if key.endswith("latency_s")), default=0.0)
+    if latest > 0.5 * config.history_s:  # what is later is not fused
+        final["history_s"] = math.ceil(2.0 * latest)
+    final = {key: short(value) for key, value in final.items()}
+    tuned = with_values(config, final)
+    drove = [(driven(config, drive), driven(tuned, drive)) for drive in drives]
     return TuneResult(
         quantities=tuple(answers),
         spacing_s=problem.spacing_s,
         outliers=left_out,
         held_out=predicted,
-        findings=tuple(
-            findings(problem.spacing_s, margin, [a.quantity for a in answers], left_out, predicted)
-        ),
+        driven=tuple(drove),
+        findings=tuple(findings(problem.spacing_s, margin, answers, left_out, predicted, drove)),
         changes=changes(final),
-        config=with_values(config, final),
+        config=tuned,
     )
 
 
@@ -167,7 +173,10 @@ def _noises(
         if section is None or one.share < _RARE:
             continue
         key = f"estimator.{section}.noise"
-        shapes = ["gaussian", "student_t", "cauchy"]
+        # With many outliers a Gaussian one is lost where its gate is as often wrong as right.
+        shapes = (
+            ["student_t", "cauchy"] if one.share > _MANY else ["gaussian", "student_t", "cauchy"]
+        )
         if one.source == "ranges" and one.too_long > _MOSTLY and estimator.kind == "pose":
             shapes.append("one_sided")
         now = getattr(estimator, section).noise
@@ -176,7 +185,8 @@ def _noises(
             tried = with_values(problem.config, {**values, **chosen, key: noise})
             scores[noise] = problem.score(tried)
         best = max(shapes, key=lambda noise: scores[noise])
-        if scores[best] > scores[now] + np.log(problem.count):
+        is_safe = now in shapes or now == "one_sided"
+        if not is_safe or scores[best] > scores[now] + np.log(problem.count):
             chosen[key] = best
     return chosen
 

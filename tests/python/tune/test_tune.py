@@ -154,6 +154,36 @@ def test_what_a_standing_robot_does_not_tell_stays_as_it_is() -> None:
     assert {one.word for one in result.quantities if WHEELS in one.quantity.key} == {"not told"}
 
 
+def test_a_latency_is_not_told_on_a_circle_nor_a_direction_by_ranges() -> None:
+    config = parse_config({"simulation": {**DRIVE, "path": {"shape": "circle"}}, "seed": 4})
+    keys = [one.quantity.key for one in tune(config).quantities]
+    assert "estimator.range.latency_s" not in keys
+    assert f"{WHEELS}.direction_rad" not in keys
+
+
+def test_a_direction_is_found_by_what_sees_the_heading() -> None:
+    config, log, _ = robot(1)
+    wheels = log["odometry"]
+    c, s = np.cos(0.1), np.sin(0.1)
+    dx, dy = wheels["dx_m"], wheels["dy_m"]
+    one = tune(config, [changed(log, "odometry", dx_m=c * dx + s * dy, dy_m=-s * dx + c * dy)])[
+        f"{WHEELS}.direction_rad"
+    ]
+    assert one.word == "found"
+    assert one.low < 0.1 < one.high
+
+
+def test_a_latency_beyond_the_history_makes_room_for_itself() -> None:
+    config, log = drive()
+    late = changed(log, "ranges", stamp_ns=log["ranges"]["stamp_ns"] + 3 * NANOSECONDS)
+    result = tune(config, [late])
+    assert result["estimator.range.latency_s"].value == pytest.approx(3.0, abs=0.1)
+    assert result.config.history_s >= 6.0
+    before, after = result.driven[0]
+    assert after.position_rmse_m < 0.5 * before.position_rmse_m
+    assert any("m before" in text for text in result.findings)
+
+
 def test_two_recordings_say_more_than_one() -> None:
     config, first = drive(3)
     _, second = drive(4)
@@ -168,7 +198,7 @@ def test_sigmas_that_messages_bring_wrongly_are_named() -> None:
     sigma = np.full(len(log["ranges"]["range_m"]), 0.3)
     result = tune(config, [changed(log, "ranges", sigma_m=sigma)])
     assert SIGMA not in [one.quantity.key for one in result.quantities]
-    assert result.findings == ("ranges bring sigmas of their own, about 2.9 times too large",)
+    assert "ranges bring sigmas of their own, about 2.9 times too large" in result.findings
 
 
 # What hand-made configurations of real robots predict worse than a tuned one.
@@ -200,7 +230,7 @@ def test_a_robot_of_which_nothing_is_known_ends_where_hands_have_not_brought_it(
     [
         ({"mcl": {}}, "mcl without poses_hz"),
         ({"switched_off": [{"source": "ranges", "from_s": 1.0}]}, "switched_off"),
-        ({"use": ["odometry"]}, "0 measurements"),
+        ({"use": ["odometry"]}, "the log has 0 measurements"),
         ({"simulation": {**DRIVE, "duration_s": 2.0}}, "tune needs 50"),
     ],
 )  # fmt: skip

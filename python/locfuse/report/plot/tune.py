@@ -71,6 +71,9 @@ def _names(axes: Axes, rows: list[Judged]) -> None:
 def _draw_nis(axes: Axes, held_out: tuple[HeldOut, ...]) -> None:
     style.title(axes, "Mean NIS of what was held out, 1 is right")
     axes.axvline(1.0, color=style.MUTED, lw=1.0, ls=style.DASHED)
+    if not held_out:
+        axes.set_axis_off()
+        return
     rows = np.arange(len(held_out))
     axes.plot([one.before.nis for one in held_out], rows, "o", mfc="none", mec=style.REJECTED,
               ms=7, label="before")  # fmt: skip
