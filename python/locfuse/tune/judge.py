@@ -119,7 +119,10 @@ def _half_widths(problem: Problem, found: Found, *, anew: bool = False) -> list[
 
 def _answer(found: Found, i: int, half: float, word: Word) -> Judged:
     q, at = found.quantities[i], float(found.maximum.at[i])
-    low, high = (q.value(min(at + sign * half, 50.0)) for sign in (-1.0, 1.0))
+    if math.isinf(half):
+        low, high = 0.0, math.inf
+    else:
+        low, high = q.value(at - half), q.value(at + half)
     value = q.now if word in ("fits", "not told") and q.is_sigma else q.value(at)
     return Judged(q, word, value, low, high)
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -22,7 +21,6 @@ from locfuse.tune.result import TuneResult
 from locfuse.tune.spacing import SPACINGS_S, chosen, enough
 from locfuse.types import ConfigError, Log
 
-_logger = logging.getLogger(__name__)
 Progress = Callable[[int, int], None]
 
 _OUTLIER_ROUNDS = 8
@@ -174,9 +172,9 @@ def _noises(
             continue
         key = f"estimator.{section}.noise"
         # With many outliers a Gaussian one is lost where its gate is as often wrong as right.
-        shapes = (
-            ["student_t", "cauchy"] if one.share > _MANY else ["gaussian", "student_t", "cauchy"]
-        )
+        shapes = ["student_t", "cauchy"]
+        if one.share <= _MANY:
+            shapes.append("gaussian")
         if one.source == "ranges" and one.too_long > _MOSTLY and estimator.kind == "pose":
             shapes.append("one_sided")
         now = getattr(estimator, section).noise
