@@ -93,7 +93,8 @@ def implausible_sigmas(context: Context) -> Iterator[Finding]:
                           "millimetre", f"{source}.csv, {column}",
                           "give the standard deviation in metres")  # fmt: skip
     noise, where = context.models.odometry, "estimator.odometry"
-    if context.used("odometry") is not None and not any(noise.model_dump().values()):
+    if context.used("odometry") is not None and not any(
+            value for key, value in noise if key.startswith("sigma_")):  # fmt: skip
         yield error(f"every sigma of {where} is 0: odometry is believed without end and nothing "
                     "corrects it", where,
                     "give what the wheels do, such as sigma_heading_per_sqrt_m: 0.02")  # fmt: skip
