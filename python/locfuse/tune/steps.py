@@ -13,6 +13,7 @@ from locfuse.types import NANOSECONDS, Columns, FloatArray, StampArray
 
 # Over so long a noise is small against a turn, and a robot does one thing.
 _WINDOW_S = 1.0
+_CLEAR = 4.0  # a turn of two sigmas of its noise may be none
 _STEADY = 0.25  # share by which a steady pace varies at most
 _SLOW = 0.05  # [m/s] and [rad/s]
 
@@ -41,12 +42,19 @@ class Steps:
 
     def table(self, wheels: Odometry) -> Columns:
         """Return odometry, corrected, with the variance of each motion."""
+        seconds = (self.stamp_ns - self.begin_ns) / NANOSECONDS
+        windows = np.maximum(_WINDOW_S / seconds, 1.0)
+        distance, turn = np.hypot(self.mean[:, 0], self.mean[:, 1]), np.abs(self.mean[:, 2])
+        noise = (wheels.sigma_heading_per_sqrt_m**2 * distance
+                 + wheels.sigma_heading_per_sqrt_rad**2 * turn)  # fmt: skip
+        # Of a turn that is but noise nothing is left.
+        clear = np.maximum(1.0 - _CLEAR * noise / np.maximum(turn**2 * windows, 1e-12), 0.0)
+        turn = clear * turn
         scale = np.array([wheels.distance_scale, wheels.distance_scale, wheels.turn_scale])
-        motion = self.motion + (scale - 1.0) * self.mean
+        sure = np.column_stack([np.ones_like(clear), np.ones_like(clear), clear])
+        motion = self.motion + (scale - 1.0) * sure * self.mean
         angle = wheels.direction_rad + 0.5 * (motion[:, 2] - self.motion[:, 2])
         c, s = np.cos(angle), np.sin(angle)
-        seconds = (self.stamp_ns - self.begin_ns) / NANOSECONDS
-        distance, turn = np.hypot(self.mean[:, 0], self.mean[:, 1]), np.abs(self.mean[:, 2])
         columns = dict(zip(MOTION, (c * motion[:, 0] - s * motion[:, 1],
                                     s * motion[:, 0] + c * motion[:, 1], motion[:, 2]),
                            strict=True))  # fmt: skip
