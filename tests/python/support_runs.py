@@ -7,7 +7,7 @@ import csv
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import pytest
 from locfuse.cli.app import main
 from locfuse.config.load import load_config, parse_config
 from locfuse.config.schema import Dataset, RunConfig
+from locfuse.types import Log
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / "examples" / "configs"
@@ -67,6 +68,11 @@ def require_recording_of(example: str) -> None:
         pytest.skip(f"{example} names no log: it is for a robot's own")
     elif isinstance(log := load_config(CONFIGS / example).log, Dataset):
         recording(Path(log.path).name)
+
+
+def changed(log: Log, table: str, **columns: Any) -> Log:
+    """Return a log with other columns of a table."""
+    return replace(log, tables={**log.tables, table: {**log[table], **columns}})
 
 
 def room(**changes: Any) -> RunConfig:

@@ -51,7 +51,7 @@ def tune(
 
 def _print(result: TuneResult) -> None:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), collapse_padding=True, pad_edge=False,
-                  caption="95 % intervals; not told: the recording does not say, it stays"
+                  caption="95 % intervals; not observed: stays as it is"
                   )  # fmt: skip
     for heading in ("key", "now", "found", "from", "to", "unit", ""):
         is_text = heading in ("key", "unit", "")
@@ -78,7 +78,7 @@ def _print(result: TuneResult) -> None:
 def _row(one: Judged) -> tuple[str, ...]:
     q = one.quantity
     interval = [f"{one.low:.4g}", f"{one.high:.4g}"]
-    if one.word == "not told" and q.is_sigma:
+    if one.word == "not observed" and q.is_sigma:
         interval = ["", ""]
     found = f"{one.value:.4g}" if one.word == "found" else ""
     return (q.key, f"{q.now:.4g}", found, *interval, q.unit, one.word)

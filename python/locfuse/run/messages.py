@@ -172,10 +172,10 @@ def corrected(motion: Mapping[str, Any], wheels: Odometry) -> dict[str, Any]:
     """
     names = forward, left, turn = MOTION if "dx_m" in motion else VELOCITY
     found = {name: motion[name] for name in names if name in motion}
-    angle = wheels.direction_rad
-    if names == MOTION and wheels.turn_scale != 1.0:
-        angle = angle + 0.5 * (wheels.turn_scale - 1.0) * motion[turn]
-    if np.any(angle):
+    bends = names == MOTION and wheels.turn_scale != 1.0
+    if bends or wheels.direction_rad != 0.0:
+        bend = 0.5 * (wheels.turn_scale - 1.0) * motion[turn] if bends else 0.0
+        angle = wheels.direction_rad + bend
         c, s = np.cos(angle), np.sin(angle)
         x, y = motion[forward], motion.get(left, 0.0)
         found |= {forward: c * x - s * y, left: s * x + c * y}

@@ -16,10 +16,9 @@ from locfuse.config.build import build_estimator_config
 from locfuse.config.schema import OF_MESSAGES, Odometry, RunConfig
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.mcl import localize, with_poses_of
-from locfuse.run.messages import Messages, landmarks_of, radios_of, to_messages, truth_of
+from locfuse.run.messages import Messages, landmarks_of, radios_of, to_messages
 from locfuse.run.odometry import uses_gyro, with_odometry
 from locfuse.run.run import run
-from locfuse.run.start import start_height
 from locfuse.run.tracker import recovering_ekf, started_ekf
 from locfuse.tune.steps import Steps, steps_of
 from locfuse.types import NANOSECONDS, FloatArray, Log, LogError, StampArray
@@ -36,13 +35,14 @@ _SENSORS = ("range", "position", "pose", "landmark", "heading")
 class Drive:
     """A log, ready to be fused, and the start that was found with the configuration as it is.
 
-    `height_m` overrides that of the configuration; messages up to `used_until` were used
-    to find the start.
+    `recorded` is the log before anything was made of its scans; `height_m` is that of the start.
+    Messages up to `used_until` were used to find the start.
     """
 
+    recorded: Log
     log: Log
     start: _core.PoseEstimate
-    height_m: float | None
+    height_m: float
     used_until: int | None
     steps: Steps | None
 
@@ -98,7 +98,7 @@ class Compared:
 
 def drive_of(config: RunConfig, log: Log) -> Drive:
     """Prepare a log; what particles or a detector make of its scans is made once."""
-    log = with_cylinders(log, config)
+    recorded, log = log, with_cylinders(log, config)
     if config.scan_odometry is not None:
         log = with_odometry(log, config)
     if config.mcl is not None:
@@ -106,14 +106,12 @@ def drive_of(config: RunConfig, log: Log) -> Drive:
     made = _moved(config, log)
     messages = to_messages(made, config)
     started = started_ekf(config, made, messages, None)
-    begin = started.filter.current()
-    of_truth = config.start == "truth" and config.estimator.kind == "air"
-    height = start_height(truth_of(log), messages) if of_truth else None
     has_gyro = uses_gyro(config) and "imu" in log
     of_wheels = ("odometry" in log and "odometry" in config.use and not has_gyro
                  and config.estimator.filter in ("pose", "landmark_slam"))  # fmt: skip
     steps = steps_of(log["odometry"], config) if of_wheels else None
-    return Drive(log, begin, height, started.used_until, steps)
+    ekf = started.filter
+    return Drive(recorded, log, ekf.current(), ekf.config.start_height, started.used_until, steps)
 
 
 @dataclass(frozen=True)
@@ -125,8 +123,8 @@ class Ready:
     of: dict[str, NDArray[np.intp]]
 
 
-def key_of_messages(config: RunConfig, drive: Drive) -> object:
-    """Return what the messages of a drive depend on: equal keys, equal messages."""
+def key_of_messages(config: RunConfig) -> object:
+    """Return what messages of a drive depend on: equal keys, equal messages."""
     return (config.estimator.odometry.model_dump_json(), config.imu.model_dump_json(),
             *config.latency_s.values())  # fmt: skip
 
@@ -193,11 +191,12 @@ class Driven:
 
 
 def driven(config: RunConfig, drive: Drive) -> Driven:
-    """Run a drive as a user does, from its start."""
-    log, start = drive.log, drive.start
-    if config.mcl is not None:  # whose poses are in the log
-        config = config.model_copy(update={"mcl": None})
-    metrics = run(config, log, start=None if drive.used_until is not None else start).metrics
+    """Run a drive as a user does; what particles have made of its scans is not made again."""
+    log = drive.recorded
+    if config.mcl is not None:
+        made = {"mcl": None, "cylinders": None, "scan_odometry": None}
+        config, log = config.model_copy(update=made), drive.log
+    metrics = run(config, log).metrics
     rmse = metrics["position_rmse_m"]
     return Driven(np.nan if rmse is None else rmse, metrics["health"]["restarts"])
 

@@ -30,7 +30,7 @@ def findings(
 ) -> Iterator[str]:
     """Yield what a user should know."""
     if spacing_s > 0.0:
-        yield (f"errors of one anchor or landmark stay alike for about {spacing_s:g} s; only "
+        yield (f"errors of one anchor or landmark are correlated over about {spacing_s:g} s; only "
                "measurements so far apart were compared")  # fmt: skip
     for one in outliers:
         if one.share >= _RARE:

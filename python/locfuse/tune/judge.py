@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which of the values found are told by the recordings, and which are left as they are."""
+"""Which of the values found are observed in the recordings, and which are left as they are."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from locfuse.tune.problem import Found, Problem
 from locfuse.tune.quantity import NOTHING, Quantity
 from locfuse.tune.systematic import least_sigmas
 
-Word = Literal["found", "fits", "at most", "not told"]
+Word = Literal["found", "fits", "at most", "not observed"]
 
 _VAGUE = math.log(1.65)  # half of an interval of a sigma's logarithm: wider ones tell nothing
 _DROP = 1.92  # of the log-likelihood at the ends of a 95 % interval
@@ -30,7 +30,7 @@ class Judged:
     """What a recording says of a quantity: `value`, and its 95 % interval from `low` to `high`.
 
     ``found``; ``fits``: the value of the configuration is in a narrow interval, and stays;
-    ``at most``: it may be 0, and the configuration's is too large; ``not told``: it stays.
+    ``at most``: it may be 0, and the configuration's is too large; ``not observed``: it stays.
     """
 
     quantity: Quantity
@@ -65,7 +65,7 @@ def judged(problem: Problem, found: Found) -> list[Judged]:
         if fits:
             for i in fits:
                 q = found.quantities[i]
-                word: Word = "fits" if half[i] <= q.wide else "not told"
+                word: Word = "fits" if half[i] <= q.wide else "not observed"
                 answers[q.key] = _answer(found, i, half[i], word)
             found = _without(problem, found, fits, {})
         elif unsure:
@@ -77,7 +77,7 @@ def judged(problem: Problem, found: Found) -> list[Judged]:
             least[q.key] = problem.student * off / math.sqrt(2.0 * max(gain, 0.1))
             if gain < _RIPPLE:
                 half_width = max(half[i], off)
-                word = "fits" if half_width <= q.wide else "not told"
+                word = "fits" if half_width <= q.wide else "not observed"
                 answers[q.key] = _answer(found, i, half_width, word)
                 found = without
                 continue
@@ -88,7 +88,7 @@ def judged(problem: Problem, found: Found) -> list[Judged]:
             q = found.quantities[i]
             without = _without(problem, found, [i], {})
             if found.value - without.value < _DROP:
-                answers[q.key] = _answer(found, i, half[i], "not told")
+                answers[q.key] = _answer(found, i, half[i], "not observed")
                 found = without
                 continue
             del problem.fixed[q.key]
@@ -123,7 +123,7 @@ def _answer(found: Found, i: int, half: float, word: Word) -> Judged:
         low, high = 0.0, math.inf
     else:
         low, high = q.value(at - half), q.value(at + half)
-    value = q.now if word in ("fits", "not told") and q.is_sigma else q.value(at)
+    value = q.now if word in ("fits", "not observed") and q.is_sigma else q.value(at)
     return Judged(q, word, value, low, high)
 
 

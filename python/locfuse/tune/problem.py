@@ -110,8 +110,11 @@ class Problem:
         """Fuse all recordings with a configuration."""
         return [compared(config, drive) for drive in self.drives]
 
-    def leave_outliers_out(self, values: Mapping[str, float]) -> int:
-        """Count what fits with these values and nothing else; return how many have changed."""
+    def leave_outliers_out(self, values: Mapping[str, float]) -> tuple[int, float]:
+        """Count what fits with these values, and nothing else.
+
+        Returns how many have changed, and the score of these values with robust noise.
+        """
         found = self.compared(robust(self.with_values(values)))
         kept = [{source: one.fits for source, one in each.items()} for each in found]
         self._early = self._of_the_first_second(found)
@@ -120,7 +123,7 @@ class Problem:
                       for source, rows in each.items())  # fmt: skip
         self._kept = kept
         self._arrange()
-        return changed
+        return changed, self._score(found)
 
     @staticmethod
     def _of_the_first_second(
@@ -135,17 +138,16 @@ class Problem:
 
         One that does not fit counts as one at the limit did with the configuration as it was.
         """
+        return self._score(self.compared(config))
+
+    def _score(self, found: Sequence[Mapping[str, Compared]]) -> float:
         total = 0.0
-        for each, least in zip(self.compared(config), self._of_outlier, strict=True):
+        for each, least in zip(found, self._of_outlier, strict=True):
             for source, one in each.items():
                 known = one.is_compared & np.isfinite(least[source])
                 likelihood = np.where(one.fits, one.log_likelihood, least[source])
                 total += float(likelihood[known].sum())
         return total
-
-    def robust_score(self, values: Mapping[str, float]) -> float:
-        """Return the score with values, and with noise that outliers do little to."""
-        return self.score(robust(self.with_values(values)))
 
     def find(
         self,
@@ -233,7 +235,7 @@ class Problem:
     def _ready(self, config: RunConfig, index: int) -> Ready:
         """Return the messages of a drive, which most steps of a search have in common."""
         drive = self._trimmed[index]
-        key = index, key_of_messages(config, drive)
+        key = index, key_of_messages(config)
         made = self._made.get(key)
         if made is None:
             made = ready(config, drive, by_steps=True)

@@ -22,16 +22,16 @@ NOTHING = 1e-5
 _ENDS = {"distance_scale": (1e-3, 1e3), "turn_scale": (1e-3, 1e3), "direction_rad": (-0.5, 0.5),
          "latency_s": (-5.0, 5.0), "antenna_forward_m": (-1e3, 1e3), "antenna_left_m": (-1e3, 1e3)
          }  # fmt: skip
-_OFFSETS = "calibration.sigma_anchor_offset_m"
-OFFSET_KEYS = (f"estimator.{_OFFSETS}", "estimator.calibration.anchor_offset_correlation_s")
+_OFFSET = "estimator.calibration.sigma_anchor_offset_m"
+_OFFSET_LASTS = "estimator.calibration.anchor_offset_correlation_s"
 
 
 @dataclass(frozen=True)
 class Quantity:
     """A key of the configuration with a number, and its value `now`.
 
-    A sigma is positive, and found in its logarithm. Any other quantity has a `plain` value, which
-    is kept where the recording does not contradict it; an interval wider than `wide` to each side
+    A sigma is positive, and found in its logarithm. Any other value is
+    kept where the recording does not contradict it; an interval wider than `wide` to each side
     says nothing.
     """
 
@@ -78,7 +78,7 @@ def with_values(config: RunConfig, values: Mapping[str, float | str]) -> RunConf
         config = _with(config, key.split("."), value)
     calibration = config.estimator.calibration
     if calibration.sigma_anchor_offset_m == 0.0 < calibration.anchor_offset_correlation_s:
-        config = _with(config, OFFSET_KEYS[1].split("."), 0.0)  # of no offsets
+        config = _with(config, _OFFSET_LASTS.split("."), 0.0)  # of no offsets
     return config
 
 
@@ -131,9 +131,9 @@ def _of_sensors(
             yield _sigma(config, "estimator.range.sigma_m", 0.1)
             yield _sigma(config, "estimator.range.sigma_relative", 0.01)
         if calibration.sigma_anchor_offset_m > 0.0:
-            yield _sigma(config, f"estimator.{_OFFSETS}", 0.05)
+            yield _sigma(config, _OFFSET, 0.05)
             if calibration.anchor_offset_correlation_s > 0.0:
-                yield _sigma(config, OFFSET_KEYS[1], 10.0)
+                yield _sigma(config, _OFFSET_LASTS, 10.0)
     if "positions" in sources:
         for column, key in ((False, "sigma_m"), (True, "least_sigma_m")):
             if _unsaid(drives, "positions", "sigma_m") != column:

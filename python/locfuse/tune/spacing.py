@@ -42,8 +42,8 @@ def enough(problem: Problem) -> bool:
 def chosen(problem: Problem, found: Mapping[float, Found], counts: Mapping[float, int]) -> float:
     """Return the least spacing beyond which no sigma of a sensor grows and none of wheels shrinks.
 
-    Errors that stay alike for seconds look small to measurements that follow closely: an estimator
-    that believes in them takes the error for motion.
+    Errors that are correlated over seconds look small to measurements that follow closely: an
+    estimator that believes in them takes the error for motion.
     """
     sizes = {spacing: dict(_sizes(problem, one)) for spacing, one in found.items()}
     for spacing in sorted(sizes):

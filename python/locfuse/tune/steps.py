@@ -33,6 +33,11 @@ class Steps:
     mean: FloatArray
 
     @property
+    def windows(self) -> FloatArray:
+        """How many such steps the window around each has, (n,)."""
+        return np.maximum(_WINDOW_S * NANOSECONDS / (self.stamp_ns - self.begin_ns), 1.0)
+
+    @property
     def change_pace(self) -> bool:
         """Whether speed or turn rate vary: at one pace a latency is another place on the way."""
         seconds = (self.stamp_ns - self.begin_ns) / NANOSECONDS
@@ -41,14 +46,13 @@ class Steps:
         return bool(np.any(pace.std(axis=0) > _STEADY * np.maximum(size, _SLOW)))
 
     def table(self, wheels: Odometry) -> Columns:
-        """Return odometry, corrected, with the variance of each motion."""
+        """Return odometry, corrected, with variances: docs/models/motion.md eq. (1.3)."""
         seconds = (self.stamp_ns - self.begin_ns) / NANOSECONDS
-        windows = np.maximum(_WINDOW_S / seconds, 1.0)
         distance, turn = np.hypot(self.mean[:, 0], self.mean[:, 1]), np.abs(self.mean[:, 2])
         noise = (wheels.sigma_heading_per_sqrt_m**2 * distance
                  + wheels.sigma_heading_per_sqrt_rad**2 * turn)  # fmt: skip
         # Of a turn that is but noise nothing is left.
-        clear = np.maximum(1.0 - _CLEAR * noise / np.maximum(turn**2 * windows, 1e-12), 0.0)
+        clear = np.maximum(1.0 - _CLEAR * noise / np.maximum(turn**2 * self.windows, 1e-12), 0.0)
         turn = clear * turn
         scale = np.array([wheels.distance_scale, wheels.distance_scale, wheels.turn_scale])
         sure = np.column_stack([np.ones_like(clear), np.ones_like(clear), clear])

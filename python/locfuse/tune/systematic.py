@@ -29,9 +29,8 @@ def least_sigmas(problem: Problem, found: Found) -> dict[str, float]:
     noise, squares = np.zeros(3), np.full(3, 1e-12)
     for drive in problem.drives:
         if drive.steps is not None:
-            seconds = (drive.steps.stamp_ns - drive.steps.begin_ns) / NANOSECONDS
             noise += drive.steps.table(wheels)["variance"].sum(axis=0)
-            squares += np.sum(drive.steps.mean**2 / np.minimum(seconds, 1.0)[:, None], axis=0)
+            squares += np.sum(drive.steps.mean**2 * drive.steps.windows[:, None], axis=0)
     for key, axis in (("distance_scale", 0), ("turn_scale", 2)):
         least[f"estimator.odometry.{key}"] = float(noise[axis] / squares[axis])
     return least

@@ -23,8 +23,8 @@ from locfuse.types import ConfigError, Log
 
 Progress = Callable[[int, int], None]
 
-_OUTLIER_ROUNDS = 8
-LATENCY_OF_WHEELS = "estimator.odometry.latency_s"
+_OUTLIER_ROUNDS = 9
+_LATENCY_OF_WHEELS = "estimator.odometry.latency_s"
 _RARE = 0.005  # a share of outliers that any noise does with
 _MANY = 0.03
 _MOSTLY = 0.8
@@ -43,7 +43,7 @@ def tune(
     Parameters
     ----------
     config : RunConfig
-        Where to begin; what a recording does not tell stays as it is.
+        Where to begin; what a recording does not show stays as it is.
     logs : sequence of Log, optional
         Recordings of one robot; none: the log that the configuration names.
     base : Path, optional
@@ -141,17 +141,18 @@ def _without_outliers(
 ) -> Found:
     """Find quantities by the measurements that fit what is found; values to begin with."""
     problem.leave_outliers_out(begin or {})
-    best = found = problem.find(wanted, begin)
-    most = problem.robust_score(found.values)
+    best, most, information = None, -math.inf, None
     for _ in range(_OUTLIER_ROUNDS):
-        if problem.leave_outliers_out(found.values) <= _SETTLED * problem.count:
-            break
-        found = problem.find(wanted, found.values, found.information)
-        score = problem.robust_score(found.values)
-        if score <= most:
-            break
+        found = problem.find(wanted, begin, information)
+        changed, score = problem.leave_outliers_out(found.values)
+        if best is not None and score <= most:
+            problem.leave_outliers_out(best.values)
+            return best
         best, most = found, score
-    problem.leave_outliers_out(best.values)
+        if changed <= _SETTLED * problem.count:
+            break
+        begin, information = found.values, found.information
+    assert best is not None
     return best
 
 
@@ -197,5 +198,5 @@ def _not_negative(config: RunConfig, answers: Sequence[Judged]) -> dict[str, flo
     early = min(latencies.values(), default=0.0)
     if early < 0.0:
         values |= {key: late - early for key, late in latencies.items()}
-        values[LATENCY_OF_WHEELS] = config.estimator.odometry.latency_s - early
+        values[_LATENCY_OF_WHEELS] = config.estimator.odometry.latency_s - early
     return values

@@ -3,19 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
 from locfuse.run.run import load_log, run
-from locfuse.types import Log
 from support_live import assert_same
-from support_runs import room
-
-
-def changed(log: Log, table: str, **columns: Any) -> Log:
-    return replace(log, tables={**log.tables, table: {**log[table], **columns}})
+from support_runs import changed, room
 
 
 def test_corrections_of_wheels_are_the_same_live_and_of_a_log() -> None:

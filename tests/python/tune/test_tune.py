@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise and calibration of simulated robots and of recordings: how right, and what is not told."""
+"""Noise and calibration of simulated robots and of recordings, and what is not observed."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from locfuse.run.run import load_log, run
 from locfuse.tune.result import TuneResult
 from locfuse.tune.tune import tune
 from locfuse.types import NANOSECONDS, ConfigError, Log, LogError
-from support_runs import CONFIGS, locfuse, require_recording_of
+from support_runs import CONFIGS, changed, locfuse, require_recording_of
 
 SIGMA = "estimator.range.sigma_m"
 WHEELS = "estimator.odometry"
@@ -46,10 +45,6 @@ def robot(seed: int) -> tuple[RunConfig, Log, dict[str, float]]:
 def drive(seed: int = 3, **more: Any) -> tuple[RunConfig, Log]:
     config = parse_config({"simulation": DRIVE, "seed": seed, **more})
     return config, load_log(config, None, seed)
-
-
-def changed(log: Log, table: str, **columns: Any) -> Log:
-    return replace(log, tables={**log.tables, table: {**log[table], **columns}})
 
 
 def changes_of(result: TuneResult) -> dict[str, float]:
@@ -141,20 +136,20 @@ def test_errors_that_stay_are_not_taken_for_motion() -> None:
     assert result.spacing_s >= 1.0
     assert result[SIGMA].value == pytest.approx(0.3, rel=0.2)
     assert result[f"{WHEELS}.sigma_longitudinal_per_sqrt_m"].value < 0.12  # 0.14 by all ranges
-    assert any("stay alike" in text for text in result.findings)
+    assert any("correlated over" in text for text in result.findings)
     assert run(result.config, wandering).metrics["nees_mean"] < 5.0
 
 
-def test_what_a_standing_robot_does_not_tell_stays_as_it_is() -> None:
+def test_what_a_standing_robot_does_not_show_stays_as_it_is() -> None:
     drive = {**DRIVE, "path": {"shape": "circle", "speed_mps": 0.0}}
     config = parse_config({"simulation": drive})
     result = tune(config)
     assert list(changes_of(result)) == [SIGMA]
     assert result.config.estimator.odometry == config.estimator.odometry
-    assert {one.word for one in result.quantities if WHEELS in one.quantity.key} == {"not told"}
+    assert {one.word for one in result.quantities if WHEELS in one.quantity.key} == {"not observed"}
 
 
-def test_a_latency_is_not_told_on_a_circle_nor_a_direction_by_ranges() -> None:
+def test_a_latency_is_not_observed_on_a_circle_nor_a_direction_by_ranges() -> None:
     config = parse_config({"simulation": {**DRIVE, "path": {"shape": "circle"}}, "seed": 4})
     keys = [one.quantity.key for one in tune(config).quantities]
     assert "estimator.range.latency_s" not in keys
@@ -182,6 +177,25 @@ def test_a_latency_beyond_the_history_makes_room_for_itself() -> None:
     before, after = result.driven[0]
     assert after.position_rmse_m < 0.5 * before.position_rmse_m
     assert any("m before" in text for text in result.findings)
+
+
+def test_what_is_made_of_scans_is_tuned_and_driven() -> None:
+    seen = load_config(CONFIGS / "wells.yaml")
+    assert seen.cylinders is not None
+    ((before, after),) = tune(seen, base=CONFIGS).driven
+    assert after.position_rmse_m < 1.3 * before.position_rmse_m
+    matched = {**DRIVE, "duration_s": 40.0, "map": {"generate": "rooms", "seed": 2}, "laser": {},
+               "path": {"shape": "roam", "speed_mps": 0.5}}  # fmt: skip
+    assert len(tune(parse_config({"simulation": matched, "scan_odometry": {}})).driven) == 1
+
+
+def test_what_flies_is_driven_from_its_height() -> None:
+    config = load_config(CONFIGS / "air_ranges.yaml").model_copy(update={"start": "truth"})
+    log = load_log(config, CONFIGS, config.seed)
+    result = tune(config, [log])
+    before, after = result.driven[0]
+    assert before.position_rmse_m == run(config, log).metrics["position_rmse_m"]
+    assert after.position_rmse_m < before.position_rmse_m
 
 
 def test_two_recordings_say_more_than_one() -> None:

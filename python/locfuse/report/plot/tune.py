@@ -57,7 +57,7 @@ def _bar(axes: Axes, row: int, one: Judged, at: float, low: float, high: float) 
     colour = style.ESTIMATE if one.changes else style.MUTED
     if one.word == "at most":
         low, at = 1e-9, high
-    if not (one.word == "not told" and one.quantity.is_sigma):
+    if not (one.word == "not observed" and one.quantity.is_sigma):
         axes.plot([low, high], [row, row], color=colour, lw=2.0, solid_capstyle="butt")
     axes.plot(at, row, "o", ms=6, color=colour)
 
