@@ -50,6 +50,7 @@ void bind_landmark_ekf(py::module_& m) {
       .def_readwrite("confirm_within_s", &Config::confirm_within_s,
                      "A tentative landmark is dropped this long after its first observation [s].")
       .def_readwrite("max_landmarks", &Config::max_landmarks)
+      .def_readwrite("correlation_s", &Config::correlation_s, "As of PoseEkfConfig.")
       .def_readwrite("hold_s", &Config::hold_s,
                      "Timeout of odometry [s]: how long the last motion is extrapolated.")
       .def_readwrite("sigma_lost_xy_per_sqrt_s", &Config::sigma_lost_xy_per_sqrt_s)

@@ -12,7 +12,7 @@ from math import comb
 from locfuse.eval.consistency import PROBABILITY, band
 from papers.claims import Claim, Progress, claims_of
 from papers.consistency.air_and_tag_estimators import OTHERS
-from papers.consistency.planar_estimators import FLOOR, landmark_ekf, mcl
+from papers.consistency.planar_estimators import FLOOR, mcl
 from papers.consistency.sample import Sample, Squared
 
 SCENARIOS: Mapping[str, Callable[[int, float], Sample]] = {**FLOOR, **OTHERS}
@@ -115,8 +115,6 @@ def _not_gated(seeds: int) -> Iterator[Claim]:
         gated = figure.what == "NEES of all"
         required = f"{low:.3f}..{high:.3f}" if gated else "-"
         yield _row("Mcl: rooms", figure, required, not gated or low <= figure.mean <= high)
-    for figure in figures(partial(landmark_ekf, heading_deg=3.0), seeds):
-        yield _row("LandmarkEkf: start known to 3 degrees", figure, "-", True)
 
 
 def _row(name: str, figure: Figure, required: str, met: bool) -> Claim:

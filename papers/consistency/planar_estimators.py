@@ -141,11 +141,11 @@ def recovering_ekf(seed: int, factor: float) -> Sample:
     return Sample(pose_nees(_truth_at(truth_of(log), last.stamp), last), sample.nis)
 
 
-def landmark_ekf(seed: int, factor: float, heading_deg: float = 1.0) -> Sample:
+def landmark_ekf(seed: int, factor: float) -> Sample:
     """Map four posts while localizing on them; the start's heading turns the whole map."""
     scene = {**SCENES["landmarks"], "odometry": {"output": "velocities"}}
     config, log = _with_stated_sigmas(config_of(scene, seed, {}), factor)
-    start_sigma = StartSigma(xy_m=0.1, heading_deg=heading_deg)
+    start_sigma = StartSigma(xy_m=0.1, heading_deg=3.0)
     config = config.model_copy(update={"start_sigma": start_sigma})
     truth = truth_of(log)
     assert truth is not None
@@ -155,6 +155,7 @@ def landmark_ekf(seed: int, factor: float, heading_deg: float = 1.0) -> Sample:
     settings.landmark.sigma_range_m = config.estimator.landmark.sigma_range_m
     settings.landmark.sigma_bearing_rad = config.estimator.landmark.sigma_bearing_rad
     settings.landmark.gate = settings.gate_new = 1.0
+    settings.correlation_s = 0.0  # simulated errors are independent
     ekf = _core.LandmarkEkf(
         settings, _core.World(), drawn_start(config, truth, to_messages(log, config), seed, factor)
     )

@@ -104,6 +104,8 @@ def _runs(configs: Path) -> Mapping[str, Callable[[], tuple[RunConfig, Log]]]:
            for name, origin in IN_SPACE.items()},
         **{f"{name}, named landmarks": partial(landmark_localization.recorded, configs, name)
            for name in landmarks},
+        **{f"{name}, mapping": partial(landmark_localization.mapped, configs, name)
+           for name in landmarks},
         **{f"{name}, defaults": partial(load_recording, configs, *landmarks[name][:3])
            for name in landmarks},
         **{f"{name}, particles": partial(on_map, configs, name) for name in maps},

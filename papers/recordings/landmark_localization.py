@@ -142,6 +142,19 @@ def _without_sigmas(log: Log) -> Log:
     return replace(log, tables={**log.tables, "landmark_sightings": plain})
 
 
+def mapped(configs: Path, name: str) -> tuple[RunConfig, Log]:
+    """Return the same for one that maps: it knows the names of landmarks, and no place."""
+    dataset, folder, of_dataset, sections, _ = RECORDINGS[name]
+    estimator = {
+        "kind": "landmark_slam",
+        "landmark_slam": {"use_map": False},
+        "odometry": WHEELS,
+        "landmark": sections["landmark"],
+    }
+    config, log = load_recording(configs, dataset, folder, of_dataset, estimator=estimator)
+    return config, _without_sigmas(log)
+
+
 def without_names(log: Log) -> Log:
     """Return the log with sightings that do not say of which landmark they are."""
     table = log["landmark_sightings"]
@@ -207,6 +220,7 @@ def _recorded(configs: Path, name: str) -> Iterator[Claim]:
     truth = truth_of(log)
     assert truth is not None
     figures = run(config, log).metrics
+    while_mapping = run(*mapped(configs, name)).metrics
     rmse = float(figures["position_rmse_m"])
     unnamed_log = without_names(log)
     errors = errors_against(localize_jointly(config, unnamed_log), truth)
@@ -216,6 +230,10 @@ def _recorded(configs: Path, name: str) -> Iterator[Claim]:
     for row, part, unit, value, required, met in (
         ("", "position RMSE", "m", rmse, f"<= {limit:g}", rmse <= limit),
         ("_heading", "heading RMSE", "deg", float(figures["heading_rmse_deg"]), "-", True),
+        ("_mapped", "position RMSE while mapping", "m",
+         float(while_mapping["position_rmse_m"]), "-", True),
+        ("_mapped_heading", "heading RMSE while mapping", "deg",
+         float(while_mapping["heading_rmse_deg"]), "-", True),
         ("_unnamed", "position RMSE without names", "m", unnamed, f"<= {1.1 * limit:.3g}",
          unnamed <= 1.1 * limit),
         ("_nothing", "from nothing, without names: position RMSE", "m",

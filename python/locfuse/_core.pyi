@@ -4489,6 +4489,13 @@ class LandmarkEkfConfig:
     @confirm_within_s.setter
     def confirm_within_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
     @property
+    def correlation_s(self) -> float:
+        """
+        As of PoseEkfConfig.
+        """
+    @correlation_s.setter
+    def correlation_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def gate_new(self) -> float:
         """
         An observation outside this wider gate of every landmark starts a new one.

@@ -77,6 +77,7 @@ LandmarkEkf::LandmarkEkf(const Config& config, const World& world, const PoseEst
       body_(belief_.slot("body")),
       odometry_(start.stamp) {
   check_stamp(start.stamp);
+  internal::expect_correlated(belief_, config.correlation_s);
   // Whatever maps has odometry: until that comes it stands, or the first landmarks would be vague.
   odometry_.take(Velocity{start.stamp, 0.0, 0.0});
   for (const KnownLandmark& landmark : config.known) {
@@ -117,7 +118,8 @@ Outcome LandmarkEkf::on(const PositionFix& z) {
   }
   MapTransaction transaction(belief_, z.stamp);
   advance_to(z.stamp);
-  const auto lin = recipe_->position.linearize(pose(), z);
+  const auto lin = internal::of_source(recipe_->config, recipe_->position.linearize(pose(), z),
+                                       Source::kPositions);
   return transaction.close(
       lin ? update(belief_, *lin, body_, recipe_->position_gate)
           : Outcome{Verdict::kNotModelled, internal::why_not(recipe_->position, z)});
@@ -233,20 +235,21 @@ Outcome LandmarkEkf::correct(Track& track, const RangeBearing& z) {
   if (!lin) {
     return {Verdict::kNotModelled, Reason::kNoDirection};
   }
+  const Eigen::VectorXd before = belief_.x;
   Outcome outcome;
   if (track.slot) {
     outcome = update(belief_, *lin, std::vector<Slot>{body_, *track.slot}, recipe_->landmark_gate);
   } else {
     const Linearization<Eigen::Dynamic, 3, 2> of_pose{lin->residual, lin->jacobian.leftCols<3>(),
-                                                      lin->noise};
-    const Vector<2> before = pose().position();
+                                                      lin->noise, lin->correlation};
     outcome = update(belief_, of_pose, body_, recipe_->landmark_gate);
-    // Not where landmarks are states: they would have to turn along.
-    if (outcome.verdict == Verdict::kFused && z.bearing && belief_.dimension() == 3) {
-      turn_with_mean(belief_, body_, before);
-    }
   }
   if (outcome.verdict == Verdict::kFused) {
+    if (belief_.dimension() > 3) {
+      turn_map_with_mean(belief_, before);
+    } else if (z.bearing) {
+      turn_with_mean(belief_, body_, before.head<2>());
+    }
     ++track.sightings;
     track.confirmed = true;
   }
@@ -319,10 +322,14 @@ Outcome LandmarkEkf::add(const RangeBearing& z) {
     --unnamed_;
   }
   const Id id = z.landmark.value_or(unnamed_);
-  const Matrix<2, 2> noise =
-      placed->by_observation * recipe_->landmark.noise(z) * placed->by_observation.transpose();
+  const Matrix<2, 2> R = recipe_->landmark.noise(z);
+  const Matrix<2, 2> noise = placed->by_observation * R * placed->by_observation.transpose();
   const Slot slot = augment(belief_, name_of(id), SlotKind::kPoint2, placed->position,
                             placed->by_pose, noise, body_);
+  std::optional<Linearization<2, 2>> seen{
+      {Vector<2>::Zero(), Matrix<2, 2>(placed->by_observation), R}};
+  internal::name_source(recipe_->config, seen, Source::kSightings, id);
+  keep_error_of_new(belief_, *seen, slot);
   const bool confirmed = z.landmark || recipe_->config.min_sightings == 1;
   tracks_.push_back({id, slot, placed->position, 1, confirmed, z.stamp});
   unnamed_ -= z.landmark ? 0 : 1;  // no other gets it, even when this one is dropped
@@ -384,7 +391,9 @@ bool LandmarkEkf::in_reach(const Track& track, const RangeBearing& z) const {
 
 std::optional<LandmarkEkf::Sighting> LandmarkEkf::linearize(const Track& track,
                                                             const RangeBearing& z) const {
-  return recipe_->landmark.linearize_with_landmark(pose(), position_of(track), z);
+  return internal::of_source(
+      recipe_->config, recipe_->landmark.linearize_with_landmark(pose(), position_of(track), z),
+      Source::kSightings, track.id);
 }
 
 /// How a sighting fits a landmark, all correlations counted; fuses nothing.
@@ -421,7 +430,7 @@ LandmarkEkf LandmarkEkf::continued_at(Stamp stamp) const {
 }
 
 PoseEstimate LandmarkEkf::current() const {
-  return {belief_.stamp, pose(), Matrix<3, 3>(belief_.P.topLeftCorner<3, 3>())};
+  return {belief_.stamp, pose(), belief_.marginal_of_first<3>()};
 }
 
 PoseEstimate LandmarkEkf::estimate() const {
@@ -440,7 +449,8 @@ PoseEstimate LandmarkEkf::estimate(Stamp stamp) const {
 std::vector<LandmarkEstimate> LandmarkEkf::landmarks() const {
   std::vector<LandmarkEstimate> all;
   for (const Track& track : tracks_) {
-    const Matrix<2, 2> covariance = covariance_with(track).bottomRightCorner<2, 2>();
+    const Matrix<2, 2> covariance =
+        track.slot ? Matrix<2, 2>(belief_.marginal(*track.slot)) : Matrix<2, 2>::Zero();
     all.push_back({track.id, position_of(track), covariance, track.sightings, track.confirmed});
   }
   return all;

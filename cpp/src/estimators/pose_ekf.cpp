@@ -690,9 +690,9 @@ PoseEstimate PoseEkf::estimate() const {
 
 PoseEstimate PoseEkf::estimate(Stamp stamp) const {
   internal::check_not_before(belief_.stamp, stamp);
-  PoseEkf ahead = *this;
-  ahead.advance_to(stamp);
-  return ahead.current();
+  GaussianBelief ahead = belief_;
+  internal::advance(*recipe_, odometry_, body_, ahead, stamp);
+  return {ahead.stamp, ahead.pose(body_), ahead.marginal_of_first<3>()};
 }
 
 }  // namespace locfuse

@@ -326,7 +326,8 @@ class Transaction {
     } else {
       x_ = belief.x.template head<3>();
       P_ = belief.P.template leftCols<3>();
-      correlated_ = belief.correlated.moving();
+      correlated_rows_ = belief.correlated.moving_rows();
+      correlated_columns_ = belief.correlated.moving_columns();
       stood_ = belief.correlated.stood();
     }
   }
@@ -341,7 +342,7 @@ class Transaction {
       belief_->x.template head<3>() = x_;
       belief_->P.template topRows<3>() = P_.transpose();
       belief_->P.template leftCols<3>() = P_;
-      belief_->correlated.restore(correlated_, stood_);
+      belief_->correlated.restore(correlated_rows_, correlated_columns_, stood_);
     }
   }
   [[nodiscard]] Outcome close(Outcome outcome) {
@@ -361,8 +362,10 @@ class Transaction {
   Matrix<Rows, 3> P_;
   static constexpr int kMaxCorrelated =
       Rows == Eigen::Dynamic ? Eigen::Dynamic : Rows + int(CorrelatedErrors::kMaxRows);
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Rows, kMaxCorrelated>
-      correlated_;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 3, kMaxCorrelated>
+      correlated_rows_;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, Rows, 3>
+      correlated_columns_;
   double stood_ = 0.0;
   std::optional<KeptBelief> whole_;
 };

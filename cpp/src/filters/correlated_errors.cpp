@@ -179,6 +179,21 @@ void CorrelatedErrors::move(const Eigen::Ref<const MatrixXd>& jacobian, const in
   }
 }
 
+void CorrelatedErrors::turn(const Eigen::VectorXd& by, int row) {
+  if (is_empty()) {
+    return;
+  }
+  auto all = table().leftCols(used());
+  const Eigen::VectorXd across = all.col(row) + all(row, row) * by;
+  for (Index column = 0; column < used(); ++column) {
+    const double of_row = all(row, column);
+    all.col(column) += by * of_row;
+    if (column < variables_) {
+      all.col(column) += across * by(column);
+    }
+  }
+}
+
 void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
   const Index size = fused.gain.rows();
   const Index m = fused.gain.cols();
@@ -201,14 +216,80 @@ void CorrelatedErrors::take(const Fused& fused, Stamp stamp) {
       bring_to(stamp, columns[static_cast<std::size_t>(i)].common, fused.correlation_s);
     }
   }
-  contract(fused);
-  if (correlated) {
-    add(fused, columns.data());
+  if (size > kInertial && m <= kMaxJoint) {
+    take_at_once(fused, correlated ? columns.data() : nullptr);
+  } else {
+    contract(fused);
+    if (correlated) {
+      add(fused, columns.data());
+    }
   }
   // Beyond what numbers hold it is as if nothing had been fused. Not in `move`, which a transaction
   // may put back.
-  if (!std::isfinite(excess().sum())) {
+  if (!std::isfinite(excess().diagonal().sum())) {
     *this = restarted();
+  }
+}
+
+/// The same for a large belief: D, which is symmetric, is read and written once. With W = D H',
+/// U = W - K (H W) / 2, to which what the errors add goes as well, it is D - K U' - U K'.
+void CorrelatedErrors::take_at_once(const Fused& fused, const Columns* columns) {
+  const Index size = fused.gain.rows();
+  const Index m = fused.gain.cols();
+  const auto& K = fused.gain;
+  const auto at_rows = [&](const auto& column, Index j) {  // of H' and a column
+    double sum = 0.0;
+    for (Index k = 0; k < fused.transposed.rows(); ++k) {
+      sum += fused.transposed(k, j) * column(fused.rows[k]);
+    }
+    return sum;
+  };
+  auto table = this->table();
+  MatrixXd U = MatrixXd::Zero(size, m);
+  for (Index j = 0; j < m; ++j) {
+    for (Index k = 0; k < fused.transposed.rows(); ++k) {
+      U.col(j) += fused.transposed(k, j) * table.col(fused.rows[k]);
+    }
+  }
+  MatrixXd HW(m, m);
+  for (Index j = 0; j < m; ++j) {
+    for (Index i = 0; i < m; ++i) {
+      HW(i, j) = at_rows(U.col(j), i);
+    }
+  }
+  U.noalias() -= 0.5 * K * HW;
+  for (Index column = size; column < used(); ++column) {
+    for (Index j = 0; j < m; ++j) {
+      HW(j, 0) = at_rows(table.col(column), j);
+    }
+    table.col(column).noalias() -= K * HW.col(0);
+  }
+  const Small L = columns != nullptr ? root_of(fused.noise) : Small();
+  if (L.size() > 0) {
+    const Statistics& known = of_kind_[fused.kind];
+    const double factor = known.factor();
+    const double share = known.share();
+    const double common = known.common_of(share);
+    const double of_own = std::sqrt((share - common) * factor);
+    const double of_common = std::sqrt(common * factor);
+    const MatrixXd moved = K * L;  // by errors of one sigma
+    MatrixXd with = -0.5 * (factor - 1.0) * moved;
+    for (Index j = 0; j < m; ++j) {
+      auto own = table.col(size + columns[j].own);
+      auto all = table.col(size + columns[j].common);
+      with.col(j) += of_own * own + of_common * all;
+      own -= of_own * moved.col(j);
+      all -= of_common * moved.col(j);
+    }
+    U.noalias() += with * L.transpose();
+  }
+  for (Index column = 0; column < size; ++column) {
+    for (Index j = 0; j < m; ++j) {
+      table.col(column) -= K.col(j) * U(column, j) + U.col(j) * K(column, j);
+    }
+  }
+  if (L.size() > 0) {
+    learn(fused, columns);
   }
 }
 
@@ -345,6 +426,9 @@ void CorrelatedErrors::reserve(Index variables) {
 
 /// Compares innovations with those before, and keeps them.
 void CorrelatedErrors::learn(const Fused& fused, const Columns* columns) {
+  if (fused.innovation.size() == 0) {
+    return;
+  }
   const Index m = fused.gain.cols();
   SmallColumn whitened = fused.residual;
   if (m == 1) {

@@ -237,6 +237,27 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
   internal::keep_in_bounds(belief, row, 2, few);
 }
 
+void turn_map_with_mean(GaussianBelief& belief, const VectorXd& before) {
+  constexpr int kHeading = 2;
+  const VectorXd shift = belief.x - before;
+  VectorXd turn = VectorXd::Zero(shift.size());  // of each position, per radian
+  for (Index row = 0; row < shift.size(); row += row == 0 ? 3 : 2) {
+    turn.segment<2>(row) << -shift(row + 1), shift(row);
+  }
+  const VectorXd half = belief.P.col(kHeading) + 0.5 * belief.P(kHeading, kHeading) * turn;
+  const VectorXd variances = belief.P.diagonal();
+  const VectorXd own = variances + 2.0 * turn.cwiseProduct(half);
+  if (!std::isfinite(own.sum()) || !(own.minCoeff() > 0.0)) {
+    return;
+  }
+  for (Index column = 0; column < shift.size(); ++column) {
+    belief.P.col(column) += turn * half(column) + half * turn(column);
+  }
+  belief.correlated.turn(turn, kHeading);
+  const bool few = (own.array() > internal::GuardTuning::kMaxGrowth * variances.array()).any();
+  internal::keep_in_bounds(belief, 0, belief.dimension(), few);
+}
+
 void diffuse(GaussianBelief& belief, Slot slot, double variance) {
   const int row = belief.offset(slot);
   belief.P(row, row) += variance;
@@ -329,6 +350,19 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
       belief, cross.cols(), size,
       internal::is_less_than(internal::GuardTuning::kFewDigitsShare, noise, reach));
   return added;
+}
+
+void keep_error_of_new(GaussianBelief& belief, const Linearization<2, 2>& placed, Slot slot) {
+  if (!(placed.correlation.time_s > 0.0)) {
+    return;
+  }
+  MatrixXd gain = MatrixXd::Zero(belief.dimension(), 2);
+  gain.middleRows<2>(belief.offset(slot)) = placed.jacobian;
+  const MatrixXd nothing_seen(0, 2);
+  belief.correlated.take(
+      {gain, nothing_seen, nullptr, placed.residual, placed.noise, MatrixXd(),
+       placed.correlation.time_s, placed.correlation.kind, placed.correlation.sources.data()},
+      belief.stamp);
 }
 
 }  // namespace locfuse

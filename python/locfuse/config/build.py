@@ -42,7 +42,7 @@ def build_estimator_config(estimator: Estimator) -> _core.PoseEkfConfig:
 def build_landmark_config(estimator: Estimator) -> _core.LandmarkEkfConfig:
     """Return the C++ struct with every value of `estimator` that maps landmarks."""
     config = _core.LandmarkEkfConfig()
-    _copy(config, estimator, ("hold_s", "sigma_lost_xy_per_sqrt_s",
+    _copy(config, estimator, ("correlation_s", "hold_s", "sigma_lost_xy_per_sqrt_s",
                               "sigma_lost_heading_per_sqrt_s"),
           ("odometry", "landmark", "position", "limits"))  # fmt: skip
     _fill(config, estimator.landmark_slam, leave=("use_map",))

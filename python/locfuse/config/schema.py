@@ -283,12 +283,11 @@ class Calibration(Strict):
 
 
 Bounded = Annotated[float, Field(ge=0.0, le=1e9)]  # its square is finite
-_OF_POSE = ("calibration", "adaptive", "correlation_s", "range.noise", "position.noise",
-            "pose.noise", "heading")  # fmt: skip
+_OF_POSE = ("calibration", "adaptive", "range.noise", "position.noise", "pose.noise", "heading")
 LEFT_OUT: dict[Kind, tuple[str, ...]] = {  # settings of `Estimator` that a kind does not have
     "pose": ("landmark_slam", "tag_triangle", "air"),
     "landmark_slam": ("tag_triangle", "air", *_OF_POSE),
-    "tag_triangle": ("landmark_slam", "air", *_OF_POSE),
+    "tag_triangle": ("landmark_slam", "air", "correlation_s", *_OF_POSE),
     "air": ("landmark_slam", "tag_triangle", "calibration", "adaptive", "heading"),
 }
 

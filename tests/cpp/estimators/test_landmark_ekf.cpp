@@ -53,6 +53,13 @@ LandmarkEkf ekf_at(const Pose2& pose, const LandmarkEkf::Config& config = {},
   return {knowing(known, config), testing::sensor_at(kMount), {0, pose, 1e-4 * kI3}};
 }
 
+/// One that takes the errors of a landmark's sightings for independent.
+LandmarkEkf averaging_ekf() {
+  LandmarkEkf::Config config;
+  config.correlation_s = 0.0;
+  return ekf_at(kStart, config);
+}
+
 bool same(const LandmarkEkf& a, const LandmarkEkf& b) {
   const std::vector<LandmarkEstimate> first = a.landmarks();
   const std::vector<LandmarkEstimate> second = b.landmarks();
@@ -72,14 +79,14 @@ constexpr double kSigmaRange = 0.02;
 constexpr double kSigmaBearing = 0.005;
 constexpr double kSight = 5.0;  // [m]
 
-/// Noise so small that linearizing does no harm: with 0.2 rad of heading error no EKF maps
-/// consistently (Julier and Uhlmann, 2001).
+/// Of simulated sensors, whose errors are independent.
 LandmarkEkf::Config well_informed() {
   LandmarkEkf::Config config;
   config.odometry = {0.01, 0.005, 0.005, 0.005, 0.0, 0.0};
   config.landmark = {kSigmaRange, kSigmaBearing};
   config.landmark.gate = 1.0;
   config.gate_new = 1.0;
+  config.correlation_s = 0.0;
   return config;
 }
 
@@ -226,6 +233,84 @@ TEST(LandmarkEkf, leaving_the_cross_covariance_out_shows) {
   EXPECT_FALSE(in_band(wrong, 3, kRuns)) << wrong;
 }
 
+/// Drives it along a loop; `check` looks after every instant.
+template <class Check>
+void follow(LandmarkEkf& ekf, const Loop& loop, const Check& check) {
+  for (std::size_t i = 0; i < loop.motions.size(); ++i) {
+    ekf.on(loop.motions[i]);
+    ekf.on_joint(loop.sightings[i]);
+    check(ekf.belief());
+  }
+}
+
+TEST(LandmarkEkf, no_sighting_says_where_north_is) {
+  constexpr double kSigma = 0.2;  // [rad], with which a standard EKF thinks that it learns north
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    Loop loop = drive(seed, 2.3);
+    loop.start.covariance(2, 2) = kSigma * kSigma;
+    loop.start.pose.heading += kSigma;
+    LandmarkEkf ekf(well_informed(), testing::sensor_at(kMount), loop.start);
+    follow(ekf, loop, [&](const GaussianBelief& belief) {
+      ASSERT_GE(belief.P(2, 2), kSigma * kSigma * (1.0 - 1e-9));
+    });
+    EXPECT_EQ(ekf.landmarks().size(), static_cast<std::size_t>(kTrees));
+    // What wheels lose of it is found again where the loop closes.
+    EXPECT_LT(ekf.belief().P(2, 2), kSigma * kSigma + 0.01 * 0.01);
+  }
+}
+
+TEST(LandmarkEkf, a_vague_heading_at_the_start_leaves_it_honest) {
+  constexpr double kSigma = 0.1;  // [rad]
+  double heading = 0.0;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    Loop loop = drive(seed, 1.3);
+    Rng rng(seed + 10'000);
+    loop.start.covariance(2, 2) += kSigma * kSigma;
+    loop.start.pose.heading += normal(rng, kSigma);
+    LandmarkEkf ekf(well_informed(), testing::sensor_at(kMount), loop.start);
+    follow(ekf, loop, [](const GaussianBelief&) {});
+    ekf.advance_to(ekf.estimate().stamp);
+    const double off = wrap_angle(ekf.pose().heading - loop.truth(2));
+    heading += off * off / ekf.belief().P(2, 2) / kRuns;
+  }
+  EXPECT_TRUE(in_band(heading, 1, kRuns)) << heading;
+}
+
+TEST(LandmarkEkf, is_honest_where_each_landmark_is_seen_too_near_or_too_far) {
+  constexpr double kSigma = 0.1;  // [m], of an error that stays
+  const auto pose_error = [&](double correlation_s) {
+    double nees = 0.0;
+    for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+      Loop loop = drive(seed, 1.3);
+      Rng rng(seed + 20'000);
+      std::vector<double> bias(kTrees);
+      for (double& one : bias) {
+        one = normal(rng, kSigma);
+      }
+      for (std::vector<RangeBearing>& seen : loop.sightings) {
+        for (RangeBearing& z : seen) {
+          z.range = std::max(0.1, *z.range + bias[static_cast<std::size_t>(*z.landmark)]);
+        }
+      }
+      LandmarkEkf::Config config = well_informed();
+      config.landmark.sigma_range_m = std::hypot(kSigma, kSigmaRange);
+      config.correlation_s = correlation_s;
+      LandmarkEkf ekf(config, testing::sensor_at(kMount), loop.start);
+      follow(ekf, loop, [](const GaussianBelief&) {});
+      const PoseEstimate now = ekf.estimate();
+      Vector<3> error = Vector<3>(now.pose.x, now.pose.y, now.pose.heading) - loop.truth;
+      error(2) = wrap_angle(error(2));
+      nees += squared(error, now.covariance) / kRuns;
+    }
+    return nees;
+  };
+  const double with = pose_error(10.0);
+  const double without = pose_error(0.0);
+  EXPECT_LT(with, 3.5);
+  EXPECT_GT(with, 1.0);
+  EXPECT_GT(without, 1.5 * with) << with;
+}
+
 TEST(LandmarkEkf, finds_out_by_itself_which_landmark_is_which) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const Loop loop = drive(seed, 1.3);
@@ -349,7 +434,7 @@ TEST(LandmarkEkf, a_named_landmark_is_placed_where_it_is_seen) {
 }
 
 TEST(LandmarkEkf, a_tentative_landmark_is_counted_and_then_corrects) {
-  LandmarkEkf ekf = ekf_at(kStart);
+  LandmarkEkf ekf = averaging_ekf();
   ekf.on(Velocity{0, 0.0, 0.0});
   const Vector<2> place(4.0, 5.0);
   for (int i = 0; i < 3; ++i) {
@@ -424,7 +509,7 @@ TEST(LandmarkEkf, range_alone_and_bearing_alone_correct_but_never_create) {
   RangeBearing bearing = sight(kStart, place);
   bearing.range.reset();
   for (const RangeBearing& part : {range, bearing}) {
-    LandmarkEkf ekf = ekf_at(kStart);
+    LandmarkEkf ekf = averaging_ekf();
     const LandmarkEkf before = ekf;
     EXPECT_EQ(ekf.on(part).verdict, Verdict::kNotModelled);
     EXPECT_EQ(ekf.on(named(part, 3)).verdict, Verdict::kNotModelled);

@@ -92,11 +92,15 @@ MatrixXd gain_of(const GaussianBelief& belief, const AnyLinearization& lin) {
 }
 
 /// Moves, turns and measures at random; the reported covariance is that of all errors together.
-void expect_together(testing::Rng& rng, const std::vector<std::string>& more) {
+void expect_together(testing::Rng& rng, const std::vector<std::string>& more, int points = 0) {
   GaussianBelief belief = GaussianBelief::of_pose(0, {1.0, 2.0, 0.5}, random_covariance(rng, 3));
   std::vector<Slot> slots{belief.slot("body")};
   for (const std::string& name : more) {
     slots.push_back(belief.add(name, SlotKind::kScalar, Vector<1>(0.1), random_covariance(rng, 1)));
+  }
+  for (int point = 0; point < points; ++point) {
+    slots.push_back(belief.add(std::to_string(point), SlotKind::kPoint2, random_matrix(rng, 2, 1),
+                               random_covariance(rng, 2)));
   }
   const Index size = belief.dimension();
   Together together(belief.P);
@@ -128,7 +132,7 @@ void expect_together(testing::Rng& rng, const std::vector<std::string>& more) {
     const std::size_t kind = lin.correlation.kind;
     const Together::Parts parts{belief.correlated.share(kind), belief.correlated.common(kind),
                                 belief.correlated.factor(kind)};
-    if (step % 7 == 6 && m == 2 && more.empty()) {  // the same in a type of known size
+    if (step % 7 == 6 && m == 2 && size == 3) {  // the same in a type of known size
       const Linearization<2, 3> fixed{
           lin.residual,
           lin.jacobian,
@@ -144,7 +148,16 @@ void expect_together(testing::Rng& rng, const std::vector<std::string>& more) {
       MatrixXd I_KH = MatrixXd::Identity(size, size) - K * lin.jacobian;
       together.move(I_KH, K * lin.noise * K.transpose());
     }
-    if (step % 4 == 3) {
+    if (step % 4 == 3 && points > 0) {
+      const Eigen::VectorXd shift = 0.1 * random_matrix(rng, static_cast<int>(size), 1);
+      turn_map_with_mean(belief, belief.x - shift);
+      F.setIdentity();
+      for (Index row = 0; row < size; row += row == 0 ? 3 : 2) {
+        F(row, 2) = -shift(row + 1);
+        F(row + 1, 2) = shift(row);
+      }
+      together.move(F, MatrixXd::Zero(size, size));
+    } else if (step % 4 == 3) {
       const Vector<2> before(0.0, 0.0);
       const Vector<2> shift = belief.pose(slots.front()).position() - before;
       turn_with_mean(belief, slots.front(), before);
@@ -165,6 +178,31 @@ TEST(CorrelatedErrors, report_what_all_errors_together_have) {
   for (int k = 0; k < 20; ++k) {
     expect_together(rng, {});
     expect_together(rng, {"offset", "scale"});
+    expect_together(rng, {}, 2);
+  }
+  expect_together(rng, {}, 10);  // so many that all is done at once
+}
+
+TEST(CorrelatedErrors, of_what_placed_a_point_are_not_averaged_away_by_the_same_again) {
+  for (const int others : {0, 8}) {
+    GaussianBelief belief = GaussianBelief::of_pose(0, {}, 1e-8 * Matrix<3, 3>::Identity());
+    for (int k = 0; k < others; ++k) {
+      belief.add(std::to_string(k), SlotKind::kPoint2, Vector<2>::Zero(), Matrix<2, 2>::Identity());
+    }
+    const Matrix<2, 2> R = 0.01 * Matrix<2, 2>::Identity();
+    const Matrix<2, 3> by_pose = Matrix<2, 3>::Identity();
+    const Slot point = augment(belief, "point", SlotKind::kPoint2, Vector<2>(1.0, 2.0), by_pose, R,
+                               belief.slot("body"));
+    const ErrorCorrelation<2> same{kTime, 0, {7, 8}};
+    keep_error_of_new(belief, {Vector<2>::Zero(), Matrix<2, 2>::Identity(), R, same}, point);
+    for (int k = 0; k < 99; ++k) {
+      Linearization<2, 2> again{Vector<2>::Zero(), Matrix<2, 2>::Identity(), R, same};
+      ASSERT_EQ(update(belief, again, point, Gate()).verdict, Verdict::kFused);
+    }
+    const int row = belief.offset(point);
+    EXPECT_NEAR(belief.P(row, row), 0.01 / 100, 1e-6);
+    EXPECT_NEAR(belief.marginal(point)(0, 0), 0.01, 1e-3);
+    EXPECT_NEAR(belief.marginal(point)(1, 1), 0.01, 1e-3);
   }
 }
 

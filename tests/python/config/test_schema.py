@@ -403,6 +403,7 @@ def test_a_drive_that_does_not_fit_into_memory_is_refused(
 SHARED = ("limits", "position")
 KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] = {
     "landmark_slam": (_core.LandmarkEkfConfig, build_landmark_config, {
+        "correlation_s": "correlation_s",
         **{name: name for name in (*SHARED, "odometry", "landmark", "hold_s",
                                    "sigma_lost_xy_per_sqrt_s", "sigma_lost_heading_per_sqrt_s")},
         **{name: f"landmark_slam.{name}" for name in ("gate_new", "min_sightings",

@@ -59,6 +59,7 @@ class LandmarkEkf {
     int min_sightings = 3;          ///< that make a tentative landmark a confirmed one
     double confirm_within_s = 2.0;  ///< a tentative one is dropped this long after its first [s]
     int max_landmarks = 500;        ///< in the state; further ones are not added
+    double correlation_s = 10.0;    ///< as of a PoseEkf [s]
     double hold_s = 1.0;            ///< as of a PoseEkf [s]
     double sigma_lost_xy_per_sqrt_s = 0.5;       ///< as of a PoseEkf [m / sqrt(s)]
     double sigma_lost_heading_per_sqrt_s = 0.5;  ///< as of a PoseEkf [rad / sqrt(s)]

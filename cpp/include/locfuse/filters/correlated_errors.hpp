@@ -36,6 +36,9 @@ class CorrelatedErrors {
   /// which are the first, and a column for each.
   void move(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, const int* rows);
 
+  /// All variables moved by I + u e', with e of one row: each by what it has in `by` of that row.
+  void turn(const Eigen::VectorXd& by, int row);
+
   /// So much of the time that passes the body stood: errors last as long as what makes them does
   /// not change.
   void stand(double seconds) { stood_s_ += seconds; }
@@ -47,7 +50,7 @@ class CorrelatedErrors {
     const int* rows;                               ///< those that H has columns for
     Eigen::Ref<const Eigen::VectorXd> residual;
     Eigen::Ref<const Eigen::MatrixXd> noise;       ///< R
-    Eigen::Ref<const Eigen::MatrixXd> innovation;  ///< S
+    Eigen::Ref<const Eigen::MatrixXd> innovation;  ///< S; empty where nothing was compared
     double correlation_s;                          ///< 0: its errors are independent
     std::size_t kind;
     const std::uint64_t* sources;  ///< of each row
@@ -63,12 +66,15 @@ class CorrelatedErrors {
   /// The same that was learnt, and nothing of what was fused: of a belief that starts anew.
   [[nodiscard]] CorrelatedErrors restarted() const;
 
-  /// All that `move` and `stand` change, to be put back by `restore`.
-  [[nodiscard]] auto moving() const { return table().leftCols(used()); }
+  /// All that `move` of the first three variables and `stand` change, to be put back by `restore`:
+  /// their rows, and their columns of D.
+  [[nodiscard]] auto moving_rows() const { return table().topLeftCorner(moving(), used()); }
+  [[nodiscard]] auto moving_columns() const { return table().leftCols(moving()); }
   [[nodiscard]] double stood() const { return stood_s_; }
-  template <class Table>
-  void restore(const Table& moving, double stood) {
-    table().leftCols(used()) = moving;
+  template <class MovingRows, class MovingColumns>
+  void restore(const MovingRows& rows, const MovingColumns& columns, double stood) {
+    table().topLeftCorner(moving(), used()) = rows;
+    table().leftCols(moving()) = columns;
     stood_s_ = stood;
   }
 
@@ -112,12 +118,14 @@ class CorrelatedErrors {
   [[nodiscard]] Eigen::Index used() const {
     return variables_ + static_cast<Eigen::Index>(rows_.size());
   }
+  [[nodiscard]] Eigen::Index moving() const { return is_empty() ? 0 : 3; }
   struct Columns {
     Eigen::Index own;     // of a source
     Eigen::Index common;  // of all of its kind
   };
   [[nodiscard]] Eigen::Index column_of(std::uint64_t source, Stamp stamp);
   void bring_to(Stamp stamp, Eigen::Index column, double correlation_s);
+  void take_at_once(const Fused& fused, const Columns* columns);
   void contract(const Fused& fused);
   void add(const Fused& fused, const Columns* columns);
   void learn(const Fused& fused, const Columns* columns);

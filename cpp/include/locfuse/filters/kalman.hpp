@@ -55,6 +55,10 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
 /// rounding would leave a variance that is not positive.
 void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
 
+/// The same for a belief of a pose and of points that it has mapped, all of which an update has
+/// moved from `before`: what is seen from the pose then never says where north is.
+void turn_map_with_mean(GaussianBelief& belief, const Eigen::VectorXd& before);
+
 /// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
 /// `jacobian` dg/dy, `noise` the covariance that v gives it. Eq. (1.11) and (1.12) of
 /// docs/models/updates.md. The belief is changed whole or not at all.
@@ -65,6 +69,10 @@ Slot augment(GaussianBelief& belief, const std::string& name, SlotKind kind,
              const Eigen::Ref<const Eigen::VectorXd>& mean,
              const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
              const Eigen::Ref<const Eigen::MatrixXd>& noise, Slots slots);
+
+/// The error of the measurement that has placed the last variable, which those after it may be
+/// correlated with: its noise, and G_v of eq. (1.11) in place of a Jacobian; eq. (1.24).
+void keep_error_of_new(GaussianBelief& belief, const Linearization<2, 2>& placed, Slot slot);
 
 namespace internal {
 
