@@ -120,9 +120,15 @@ Outcome LandmarkEkf::on(const PositionFix& z) {
   advance_to(z.stamp);
   const auto lin = internal::of_source(recipe_->config, recipe_->position.linearize(pose(), z),
                                        Source::kPositions);
-  return transaction.close(
-      lin ? update(belief_, *lin, body_, recipe_->position_gate)
-          : Outcome{Verdict::kNotModelled, internal::why_not(recipe_->position, z)});
+  if (!lin) {
+    return {Verdict::kNotModelled, internal::why_not(recipe_->position, z)};
+  }
+  const Eigen::VectorXd before = belief_.x;
+  const Outcome outcome = update(belief_, *lin, body_, recipe_->position_gate);
+  if (outcome.verdict == Verdict::kFused && belief_.dimension() > 3) {
+    turn_map_with_mean(belief_, before);
+  }
+  return transaction.close(outcome);
 }
 
 Outcome LandmarkEkf::on(const RangeBearing& z) {

@@ -426,10 +426,14 @@ void CorrelatedErrors::reserve(Index variables) {
 
 /// Compares innovations with those before, and keeps them.
 void CorrelatedErrors::learn(const Fused& fused, const Columns* columns) {
+  const Index m = fused.gain.cols();
   if (fused.innovation.size() == 0) {
+    for (Index i = 0; i < m; ++i) {  // the next one has none to be compared with
+      rows_[static_cast<std::size_t>(columns[i].common)].innovation =
+          std::numeric_limits<double>::quiet_NaN();
+    }
     return;
   }
-  const Index m = fused.gain.cols();
   SmallColumn whitened = fused.residual;
   if (m == 1) {
     whitened(0) /= std::sqrt(fused.innovation(0, 0));

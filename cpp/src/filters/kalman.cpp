@@ -239,18 +239,29 @@ void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before) 
 
 void turn_map_with_mean(GaussianBelief& belief, const VectorXd& before) {
   constexpr int kHeading = 2;
-  const VectorXd shift = belief.x - before;
-  VectorXd turn = VectorXd::Zero(shift.size());  // of each position, per radian
-  for (Index row = 0; row < shift.size(); row += row == 0 ? 3 : 2) {
-    turn.segment<2>(row) << -shift(row + 1), shift(row);
+  constexpr double kStraight = 1e-8;  // [rad], below which an arc is a line
+  const double turned = wrap_angle(belief.x(kHeading) - before(kHeading));
+  const bool straight = std::abs(turned) < kStraight;
+  const double along = straight ? 1.0 : std::sin(turned) / turned;
+  const double across = straight ? 0.5 * turned : (1.0 - std::cos(turned)) / turned;
+  VectorXd mean = belief.x;
+  VectorXd turn = VectorXd::Zero(mean.size());  // of each position, per radian
+  for (Index row = 0; row < mean.size(); row += row == 0 ? 3 : 2) {
+    const Vector<2> from = before.segment<2>(row);
+    const Vector<2> step = mean.segment<2>(row) - from;
+    const Vector<2> shift(along * step.x() - across * step.y(),
+                          across * step.x() + along * step.y());
+    mean.segment<2>(row) = from + shift;
+    turn.segment<2>(row) << -shift.y(), shift.x();
   }
   const VectorXd half = belief.P.col(kHeading) + 0.5 * belief.P(kHeading, kHeading) * turn;
   const VectorXd variances = belief.P.diagonal();
   const VectorXd own = variances + 2.0 * turn.cwiseProduct(half);
-  if (!std::isfinite(own.sum()) || !(own.minCoeff() > 0.0)) {
+  if (!std::isfinite(own.sum() + mean.sum()) || !(own.minCoeff() > 0.0)) {
     return;
   }
-  for (Index column = 0; column < shift.size(); ++column) {
+  belief.x = mean;
+  for (Index column = 0; column < mean.size(); ++column) {
     belief.P.col(column) += turn * half(column) + half * turn(column);
   }
   belief.correlated.turn(turn, kHeading);

@@ -93,6 +93,7 @@ LandmarkEkf::Config well_informed() {
 struct Loop {
   std::vector<std::vector<RangeBearing>> sightings;
   std::vector<Increment> motions;
+  std::vector<Vector<2>> places;  // after each motion
   Vector<3> truth;
   PoseEstimate start;
 };
@@ -124,6 +125,7 @@ Loop drive(std::uint64_t seed, double turns) {
                             (i + 1) * kSecond / 10,
                             {kStep + normal(rng, 0.01 * root), normal(rng, 0.005 * root),
                              turn + normal(rng, sigma_heading)}});
+    loop.places.emplace_back(x, y);
     std::vector<RangeBearing> seen;
     for (int k = 0; i % 3 == 2 && k < kTrees; ++k) {
       const double dx = tree(k).x() - x - 0.3 * std::cos(heading) - 0.1 * std::sin(heading);
@@ -274,6 +276,33 @@ TEST(LandmarkEkf, a_vague_heading_at_the_start_leaves_it_honest) {
     heading += off * off / ekf.belief().P(2, 2) / kRuns;
   }
   EXPECT_TRUE(in_band(heading, 1, kRuns)) << heading;
+}
+
+TEST(LandmarkEkf, positions_turn_a_map_whose_north_was_vague) {
+  constexpr double kSigmaNorth = 0.2;  // [rad]
+  constexpr double kSigmaFix = 0.3;    // [m]
+  double pose = 0.0;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    Loop loop = drive(seed, 1.3);
+    Rng rng(seed + 30'000);
+    loop.start.covariance(2, 2) += kSigmaNorth * kSigmaNorth;
+    loop.start.pose.heading += normal(rng, kSigmaNorth);
+    LandmarkEkf::Config config = well_informed();
+    config.position.gate = 1.0;
+    LandmarkEkf ekf(config, testing::sensor_at(kMount), loop.start);
+    for (std::size_t i = 0; i < loop.motions.size(); ++i) {
+      ekf.on(loop.motions[i]);
+      if (i % 10 == 9) {
+        const Vector<2> off(normal(rng, kSigmaFix), normal(rng, kSigmaFix));
+        ekf.on(
+            PositionFix{loop.motions[i].stamp, loop.places[i] + off, kSigmaFix * kSigmaFix * kI2});
+      }
+      ekf.on_joint(loop.sightings[i]);
+    }
+    ekf.advance_to(ekf.estimate().stamp);
+    pose += pose_nees(ekf.belief(), loop.truth) / kRuns;
+  }
+  EXPECT_TRUE(in_band(pose, 3, kRuns)) << pose;
 }
 
 TEST(LandmarkEkf, is_honest_where_each_landmark_is_seen_too_near_or_too_far) {

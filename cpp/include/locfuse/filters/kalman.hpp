@@ -56,7 +56,9 @@ Outcome update(GaussianBelief& belief, const Linearization<M, N, MaxM>& lin, Slo
 void turn_with_mean(GaussianBelief& belief, Slot slot, const Vector<2>& before);
 
 /// The same for a belief of a pose and of points that it has mapped, all of which an update has
-/// moved from `before`: what is seen from the pose then never says where north is.
+/// moved from `before`: what is seen from the pose then never says where north is. The mean goes
+/// on the arcs that the correction of the heading makes of its steps, so that the map keeps its
+/// form.
 void turn_map_with_mean(GaussianBelief& belief, const Eigen::VectorXd& before);
 
 /// Adds a variable g(y, v) that is a function of those in `slots`, y, and of noise v: `mean` is g,
