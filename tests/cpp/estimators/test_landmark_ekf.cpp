@@ -245,6 +245,15 @@ void follow(LandmarkEkf& ekf, const Loop& loop, const Check& check) {
   }
 }
 
+/// The same loop with a heading at the start that is drawn, and known no better than that.
+Loop drive_with_vague_north(std::uint64_t seed, double sigma, std::uint64_t of_heading) {
+  Loop loop = drive(seed, 1.3);
+  Rng rng(seed + of_heading);
+  loop.start.covariance(2, 2) += sigma * sigma;
+  loop.start.pose.heading += normal(rng, sigma);
+  return loop;
+}
+
 TEST(LandmarkEkf, no_sighting_says_where_north_is) {
   constexpr double kSigma = 0.2;  // [rad], with which a standard EKF thinks that it learns north
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
@@ -265,10 +274,7 @@ TEST(LandmarkEkf, a_vague_heading_at_the_start_leaves_it_honest) {
   constexpr double kSigma = 0.1;  // [rad]
   double heading = 0.0;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
-    Loop loop = drive(seed, 1.3);
-    Rng rng(seed + 10'000);
-    loop.start.covariance(2, 2) += kSigma * kSigma;
-    loop.start.pose.heading += normal(rng, kSigma);
+    const Loop loop = drive_with_vague_north(seed, kSigma, 10'000);
     LandmarkEkf ekf(well_informed(), testing::sensor_at(kMount), loop.start);
     follow(ekf, loop, [](const GaussianBelief&) {});
     ekf.advance_to(ekf.estimate().stamp);
@@ -283,10 +289,8 @@ TEST(LandmarkEkf, positions_turn_a_map_whose_north_was_vague) {
   constexpr double kSigmaFix = 0.3;    // [m]
   double pose = 0.0;
   for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
-    Loop loop = drive(seed, 1.3);
-    Rng rng(seed + 30'000);
-    loop.start.covariance(2, 2) += kSigmaNorth * kSigmaNorth;
-    loop.start.pose.heading += normal(rng, kSigmaNorth);
+    const Loop loop = drive_with_vague_north(seed, kSigmaNorth, 30'000);
+    Rng rng(seed + 40'000);  // of fixes
     LandmarkEkf::Config config = well_informed();
     config.position.gate = 1.0;
     LandmarkEkf ekf(config, testing::sensor_at(kMount), loop.start);
