@@ -37,6 +37,7 @@ void bind_replay(pybind11::module_& m);
 void bind_live(pybind11::module_& m);
 void bind_odometry_timeline(pybind11::module_& m);
 void bind_smoothing(pybind11::module_& m);
+void bind_mapping(pybind11::module_& m);
 void bind_text(pybind11::module_& m);
 
 /// Linearization of any size, the type Python constructs and receives.

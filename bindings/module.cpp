@@ -61,6 +61,7 @@ PYBIND11_MODULE(_core_in_main_interpreter, m) {
   bind_live(m);
   bind_replay(m);
   bind_smoothing(m);
+  bind_mapping(m);
   bind_text(m);
   refuse_pickling(m);
 }

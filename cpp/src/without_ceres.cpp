@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "locfuse/frontends/range_fit.hpp"
+#include "locfuse/smoothing/pose_graph.hpp"
 #include "locfuse/smoothing/smoother.hpp"
 
 namespace locfuse {
@@ -28,6 +29,14 @@ Smoothed smooth(const SmootherConfig& /*config*/, const World& /*world*/,
                 const PoseEstimate& /*start*/, const std::vector<Message>& /*messages*/) {
   throw std::invalid_argument(
       "smoothing needs Ceres, but this locfuse is built without it (LOCFUSE_WITH_CERES=OFF)");
+}
+
+SolvedPoseGraph solve_pose_graph(const std::vector<Pose2>& /*guess*/,
+                                 const std::vector<PoseRelation>& /*relations*/,
+                                 const PoseGraphConfig& /*config*/) {
+  throw std::invalid_argument(
+      "pose graphs, and with them maps, need Ceres, but this locfuse is built without it "
+      "(LOCFUSE_WITH_CERES=OFF)");
 }
 
 }  // namespace locfuse

@@ -109,6 +109,7 @@ __all__: list[str] = [
     "PoseHypothesis",
     "PoseModel",
     "PoseObservation",
+    "PoseRelation",
     "PoseWatch",
     "PoseWatchConfig",
     "PositionBatch",
@@ -139,6 +140,8 @@ __all__: list[str] = [
     "ScanDrive",
     "ScanHypothesis",
     "ScanLikelihood",
+    "ScanLoop",
+    "ScanMapping",
     "ScanMatch",
     "ScanMatchReason",
     "ScanMatcher",
@@ -153,6 +156,7 @@ __all__: list[str] = [
     "Slot",
     "SlotKind",
     "Smoothed",
+    "SolvedPoseGraph",
     "SolverComparison",
     "Source",
     "SourceStatus",
@@ -187,18 +191,21 @@ __all__: list[str] = [
     "closest_beam",
     "compiler",
     "cramer_rao",
+    "draw_grid",
     "find_start",
     "kernels",
     "local",
     "localize",
     "locate",
     "locate_batch",
+    "map_scans",
     "parse_table",
     "predict",
     "recognize_landmarks",
     "replay",
     "rigid_fit",
     "smooth",
+    "solve_pose_graph",
     "survey",
     "tag_order",
     "update",
@@ -6994,6 +7001,162 @@ class Survey:
         The drive, among what is placed.
         """
 
+class PoseRelation:
+    """
+    How one pose of a graph lies to another.
+
+    Parameters
+    ----------
+    from_pose, to_pose : int
+        Numbers of the poses.
+    motion : Pose2
+        T_from_to.
+    information : array, shape (3, 3)
+        Inverse covariance of (x, y, heading) of `motion`, in the axes of `from_pose` [1/m^2, 1/rad^2];
+        zero along what is not known.
+    may_be_wrong : bool
+        Whether it is rejected where it contradicts others.
+    """
+    def __init__(
+        self,
+        from_pose: typing.SupportsInt | typing.SupportsIndex,
+        to_pose: typing.SupportsInt | typing.SupportsIndex,
+        motion: Pose2,
+        information: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 3]"],
+        may_be_wrong: bool = False,
+    ) -> None: ...
+    @property
+    def from_pose(self) -> int: ...
+    @property
+    def information(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 3]"]: ...
+    @property
+    def may_be_wrong(self) -> bool: ...
+    @property
+    def motion(self) -> Pose2: ...
+    @property
+    def to_pose(self) -> int: ...
+
+class SolvedPoseGraph:
+    """
+    The likeliest poses of a graph.
+    """
+    @property
+    def converged(self) -> bool: ...
+    @property
+    def cost(self) -> float:
+        """
+        Half the sum of squared errors in sigmas of the relations kept.
+        """
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def kept(self) -> list[bool]:
+        """
+        Of each relation whether it is not rejected.
+        """
+    @property
+    def poses(self) -> list[Pose2]:
+        """
+        List of Pose2; the first one stays.
+        """
+    @property
+    def termination(self) -> str:
+        """
+        What the solver said last.
+        """
+
+class ScanLoop:
+    """
+    A place that was seen again.
+    """
+    @property
+    def agreement(self) -> float:
+        """
+        Fraction of the ends around both that do not contradict each other.
+        """
+    @property
+    def explained(self) -> float:
+        """
+        Fraction of the returns that lie on what was seen before.
+        """
+    @property
+    def from_ns(self) -> int:
+        """
+        Stamp of the earlier scan, if it is not on an old map.
+        """
+    @property
+    def is_on_map(self) -> bool:
+        """
+        Whether the old map was seen; `motion` is then T_world_to.
+        """
+    @property
+    def kept(self) -> bool:
+        """
+        Whether it agrees with all others.
+        """
+    @property
+    def motion(self) -> Pose2:
+        """
+        T_from_to.
+        """
+    @property
+    def to_ns(self) -> int: ...
+
+class ScanMapping:
+    """
+    A map, and the drive that it was made of.
+    """
+    @property
+    def covariances(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        (n, 3, 3).
+        """
+    @property
+    def grid(self) -> OccupancyGrid:
+        """
+        OccupancyGrid.
+        """
+    @property
+    def has_wheels(self) -> bool:
+        """
+        Whether there was odometry, which led along it.
+        """
+    @property
+    def keys(self) -> int:
+        """
+        Of those, that the map is drawn of.
+        """
+    @property
+    def loops(self) -> list[ScanLoop]:
+        """
+        List of ScanLoop.
+        """
+    @property
+    def poses(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        x, y, heading, (n, 3).
+        """
+    @property
+    def scans(self) -> int:
+        """
+        Number of scans that were used.
+        """
+    @property
+    def stamp_ns(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        Stamps of the estimates, (n,).
+        """
+    @property
+    def unmatched(self) -> int:
+        """
+        Of those, that fitted nothing before: there the wheels led.
+        """
+    @property
+    def weak(self) -> int:
+        """
+        Of all scans, that left a direction open, as along a corridor.
+        """
+
 def arc(
     forward: typing.SupportsFloat | typing.SupportsIndex,
     left: typing.SupportsFloat | typing.SupportsIndex,
@@ -7082,6 +7245,29 @@ def cramer_rao(
     >>> anchors = np.array([[10.0, 0.0], [0.0, 10.0]])
     >>> locfuse.core.cramer_rao(anchors, [[0.0, 0.0]], 0.1).round(6).tolist()
     [[[0.01, 0.0], [0.0, 0.01]]]
+    """
+
+def draw_grid(
+    scans: collections.abc.Sequence[tuple[LaserScan, Pose2]],
+    resolution_m: typing.SupportsFloat | typing.SupportsIndex = 0.05,
+    onto: OccupancyGrid | None = None,
+) -> OccupancyGrid:
+    """
+    Draw the map that scans at known poses show (docs/map.md).
+
+    Parameters
+    ----------
+    scans : list of (LaserScan, Pose2)
+        Scans and their poses T_world_body.
+    resolution_m : float
+        Metres per cell; not used with `onto`.
+    onto : OccupancyGrid, optional
+        A map that stays where no beam reaches.
+
+    Raises
+    ------
+    ValueError
+        If a scan, pose or the resolution is not valid, there is nothing to draw, or too much.
     """
 
 def find_start(
@@ -7261,6 +7447,40 @@ def locate_batch(
     >>> ranges = np.linalg.norm(truth[:, None] - anchors, axis=2)
     >>> locfuse.locate_batch(anchors, ranges).position.round(6).tolist()
     [[3.0, 4.0], [6.0, 1.0]]
+    """
+
+def map_scans(
+    scans: ScanOdometryConfig,
+    odometry: OdometryConfig,
+    log: MessageLog,
+    start: PoseEstimate,
+    resolution_m: typing.SupportsFloat | typing.SupportsIndex = 0.05,
+    onto: OccupancyGrid | None = None,
+    progress: collections.abc.Callable[[float], None] | None = None,
+) -> ScanMapping:
+    """
+    Make a map of the scans of a log and, if it has any, its odometry (docs/map.md).
+
+    Parameters
+    ----------
+    scans : ScanOdometryConfig
+    odometry : OdometryConfig
+        Noise of the wheels.
+    log : MessageLog
+    start : PoseEstimate
+        Of the first scan, in the frame of the map.
+    resolution_m : float
+        Metres per cell.
+    onto : OccupancyGrid, optional
+        A map that is continued, in its resolution and axes; the start's covariance says how well it is
+        known there.
+    progress : callable, optional
+        Called with the fraction that is done.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of bounds, or no scan has a return.
     """
 
 def parse_table(
@@ -7505,6 +7725,49 @@ def smooth(
     >>> batch = smooth(PoseEkfConfig(), World(), start, log)
     >>> bool(batch.poses[0, 0] > 0.0 and batch.poses[-1, 0] > 2.0)
     True
+    """
+
+def solve_pose_graph(
+    guess: collections.abc.Sequence[Pose2],
+    relations: collections.abc.Sequence[PoseRelation],
+    wrong_probability: typing.SupportsFloat | typing.SupportsIndex = 0.001,
+    max_iterations: typing.SupportsInt | typing.SupportsIndex = 100,
+) -> SolvedPoseGraph:
+    """
+    Find the likeliest poses of a graph, and which relations are wrong (docs/map.md).
+
+    Parameters
+    ----------
+    guess : list of Pose2
+        Where to begin; the first pose stays.
+    relations : list of PoseRelation
+        Those that cannot be wrong, as odometry, connect all poses.
+    wrong_probability : float
+        Of rejecting a right one.
+    max_iterations : int
+        Of the solver, each time it is called.
+
+    Raises
+    ------
+    ValueError
+        If a pose or relation is not valid, or a pose is not connected.
+    NumericalError
+        If the solver fails.
+
+    Examples
+    --------
+    A square of 1 m, whose last side says 10 cm too much, and a loop that closes it:
+
+    >>> import numpy as np
+    >>> from locfuse.core import Pose2, PoseRelation, solve_pose_graph
+    >>> ahead, sure = Pose2(1.0, 0.0, np.pi / 2), 100.0 * np.eye(3)
+    >>> sides = [PoseRelation(i, i + 1, ahead, sure) for i in range(3)]
+    >>> sides += [PoseRelation(3, 4, Pose2(1.1, 0.0, np.pi / 2), sure)]
+    >>> loop = PoseRelation(4, 0, Pose2(), sure, may_be_wrong=True)
+    >>> guess = [Pose2(), Pose2(1, 0, 1.6), Pose2(1, 1, 3.1), Pose2(0, 1, -1.6), Pose2(0, 0, 0)]
+    >>> solved = solve_pose_graph(guess, [*sides, loop])
+    >>> all(solved.kept), bool(np.hypot(solved.poses[4].x, solved.poses[4].y) < 0.05)
+    (True, True)
     """
 
 def survey(

@@ -45,6 +45,10 @@ void ScanDrive::on(const Increment& u) {
   }
 }
 
+bool ScanDrive::has_wheels_at(Stamp stamp) const {
+  return wheels_ && stamp <= *wheels_ + ScanDriveTuning::kHold;
+}
+
 /// Goes on by the rate of the wheels to where their next motion begins.
 bool ScanDrive::take_wheels(Stamp begin, Stamp stamp) {
   if (wheels_ && begin < *wheels_) {
@@ -60,11 +64,11 @@ bool ScanDrive::take_wheels(Stamp begin, Stamp stamp) {
 
 std::optional<Increment> ScanDrive::on(const LaserScan& z) {
   validate(z);
-  const bool has_wheels = wheels_ && z.stamp <= *wheels_ + ScanDriveTuning::kHold;
-  const std::optional<LaserScan> turned = as_of_stamp(z, has_wheels ? rate_.z() : twist_.z());
+  const bool has_wheels = has_wheels_at(z.stamp);
+  const std::optional<LaserScan> turned = as_of_stamp(z, turn_rate_at(z.stamp));
   const LaserScan& scan = turned ? *turned : z;
   if (!at_) {
-    (void)odometry_.on(scan, {}, Matrix<3, 3>::Zero());
+    fit(scan, {});
     at_ = scan.stamp;
     moved_ = {};
     return std::nullopt;
@@ -82,7 +86,7 @@ std::optional<Increment> ScanDrive::on(const LaserScan& z) {
     return std::nullopt;
   }
   const Guess guess = has_wheels ? by_wheels(scan.stamp, seconds) : by_scans(seconds);
-  const ScanMotion fitted = odometry_.on(scan, guess.motion, guess.covariance);
+  const ScanMotion& fitted = fit(scan, guess);
   Increment found{*at_, scan.stamp, fitted.increment.motion};
   if (correction_) {
     found.motion = *correction_ * found.motion;
@@ -95,10 +99,15 @@ std::optional<Increment> ScanDrive::on(const LaserScan& z) {
   return found;
 }
 
+const ScanMotion& ScanDrive::fit(const LaserScan& scan, const Guess& guess) {
+  fit_ = odometry_.on(scan, guess.motion, guess.covariance);
+  ++used_;
+  return *fit_;
+}
+
 /// Takes a scan of the last stamp by another laser, from where the last one left the body.
 void ScanDrive::correct(const LaserScan& scan) {
-  const Pose2 motion = odometry_.on(scan, {}, Matrix<3, 3>::Zero()).increment.motion;
-  correction_ = correction_.value_or(Pose2{}) * motion;
+  correction_ = correction_.value_or(Pose2{}) * fit(scan, {}).increment.motion;
 }
 
 /// Measures the velocity over a while: scans may come at once, and each is off a little.

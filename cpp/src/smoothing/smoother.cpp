@@ -21,21 +21,22 @@
 #include "estimators/recipe.hpp"
 #include "locfuse/error.hpp"
 #include "smoothing/chain_covariance.hpp"
+#include "smoothing/motion_cost.hpp"
 #include "smoothing/pose_chain.hpp"
+#include "smoothing/rejection.hpp"
 
 namespace locfuse {
 namespace {
 
 using internal::Measurement;
+using internal::MotionCost;
+using internal::pose_of;
 using internal::PoseChain;
 using internal::RelativeMotion;
+using internal::RowMajor3;
 using Variables = std::array<double, 3>;  // x, y, heading, which is not wrapped
 /// Id of what all sources of a kind have in common.
 constexpr Id kEverySource = std::numeric_limits<Id>::min();
-
-using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-
-Pose2 pose_of(const double* x) { return {x[0], x[1], wrap_angle(x[2])}; }
 
 /// L^-1 of R = L L'.
 Matrix<3, 3> whitening(const Matrix<3, 3>& R) {
@@ -64,43 +65,6 @@ class StartCost final : public ceres::SizedCostFunction<3, 3> {
 
  private:
   Pose2 pose_;
-  Matrix<3, 3> whiten_;
-};
-
-/// How a pose lies to the one before: eq. (2).
-class MotionCost final : public ceres::SizedCostFunction<3, 3, 3> {
- public:
-  explicit MotionCost(const RelativeMotion& motion)
-      : motion_(motion.motion), whiten_(whitening(motion.covariance)) {}
-
-  bool Evaluate(double const* const* x, double* residuals, double** jacobians) const override {
-    const double c = std::cos(x[0][2]);
-    const double s = std::sin(x[0][2]);
-    const Vector<2> d(x[1][0] - x[0][0], x[1][1] - x[0][1]);
-    const Vector<2> moved(c * d.x() + s * d.y(), -s * d.x() + c * d.y());
-    Eigen::Map<Vector<3>> residual(residuals);
-    residual = whiten_ * Vector<3>(moved.x() - motion_.x, moved.y() - motion_.y,
-                                   wrap_angle(x[1][2] - x[0][2] - motion_.heading));
-    if (jacobians != nullptr) {
-      Matrix<3, 3> turned;
-      turned << c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0;
-      if (jacobians[0] != nullptr) {
-        Matrix<3, 3> by_first = -turned;
-        by_first(0, 2) = moved.y();
-        by_first(1, 2) = -moved.x();
-        Eigen::Map<RowMajor3> jacobian(jacobians[0]);
-        jacobian = whiten_ * by_first;
-      }
-      if (jacobians[1] != nullptr) {
-        Eigen::Map<RowMajor3> jacobian(jacobians[1]);
-        jacobian = whiten_ * turned;
-      }
-    }
-    return true;
-  }
-
- private:
-  Pose2 motion_;
   Matrix<3, 3> whiten_;
 };
 
@@ -239,8 +203,9 @@ class Batch {
     ceres::Problem problem(options);
     problem.AddResidualBlock(new StartCost(start_), nullptr, poses_.front().data());
     for (std::size_t i = 0; i < chain_.motions.size(); ++i) {
-      problem.AddResidualBlock(new MotionCost(chain_.motions[i]), nullptr, poses_[i].data(),
-                               poses_[i + 1].data());
+      const RelativeMotion& motion = chain_.motions[i];
+      problem.AddResidualBlock(new MotionCost(motion.motion, whitening(motion.covariance)), nullptr,
+                               poses_[i].data(), poses_[i + 1].data());
     }
     std::vector<std::unique_ptr<ceres::LossFunction>> losses;
     for (std::size_t k = 0; k < chain_.measurements.size(); ++k) {
@@ -287,44 +252,19 @@ class Batch {
   /// Squared residual of a measurement in sigmas of its noise.
   [[nodiscard]] double squared(std::size_t k) const { return at(k).residual.squaredNorm(); }
 
-  /// Truncated least squares by graduated non-convexity (Yang et al., 2020): from a problem without
-  /// local minima to the one in which what is beyond its gate has no weight; eq. (4).
+  /// What is beyond its gate loses its weight, little by little; eq. (4).
   void reject(Smoothed& found) {
-    constexpr double kGrowth = 4.0;
-    const std::size_t count = chain_.measurements.size();
-    double worst = 0.0;
-    for (std::size_t k = 0; k < count; ++k) {
-      if (is_gated(k)) {
-        worst = std::max(worst, squared(k) / chain_.measurements[k].limit);
-      }
+    std::size_t solved = 0;
+    internal::reject_gradually(
+        inside_, [&](std::size_t k) { return is_gated(k); },
+        [&](std::size_t k) { return squared(k) / chain_.measurements[k].limit; },
+        [&] {
+          solve(found, 1e-4);
+          ++solved;
+        });
+    if (solved > 0) {
+      decide(found);
     }
-    if (worst <= 1.0) {
-      return;
-    }
-    double mu = 1.0 / std::max(2.0 * worst - 1.0, 1.0);
-    for (int round = 0; round < 60; ++round) {
-      bool decided = true;
-      for (std::size_t k = 0; k < count; ++k) {
-        if (!is_gated(k)) {
-          continue;
-        }
-        const double share = squared(k) / chain_.measurements[k].limit;
-        if (share <= mu / (mu + 1.0)) {
-          inside_[k] = 1.0;
-        } else if (share >= (mu + 1.0) / mu) {
-          inside_[k] = 0.0;
-        } else {
-          inside_[k] = std::sqrt(mu * (mu + 1.0) / share) - mu;
-          decided = decided && (inside_[k] < 1e-3 || inside_[k] > 1.0 - 1e-3);
-        }
-      }
-      solve(found, 1e-4);
-      if (decided && mu >= 1.0) {
-        break;
-      }
-      mu *= kGrowth;
-    }
-    decide(found);
   }
 
   /// Where many are rejected, what they say together may have misled the start: another one from
@@ -502,7 +442,8 @@ class Batch {
     };
     evaluate(StartCost(start_), 0, false);
     for (std::size_t i = 0; i < chain_.motions.size(); ++i) {
-      evaluate(MotionCost(chain_.motions[i]), i, true);
+      const RelativeMotion& motion = chain_.motions[i];
+      evaluate(MotionCost(motion.motion, whitening(motion.covariance)), i, true);
     }
     const PoseEkf::Config& estimator = config_.estimator;
     std::map<std::tuple<Source, Id, int>, int> learnt;  // errors that last, by source and row

@@ -26,18 +26,22 @@ def uses_gyro(config: RunConfig) -> bool:
 
 def odometry_timeline(config: RunConfig, gyro: bool) -> _core.OdometryTimeline:
     """Return what makes the odometry of a run, with a gyro or without."""
-    made = config.scan_odometry
-    scans = None
-    if made is not None:
-        scans = _core.ScanOdometryConfig(map=_core.LocalMapConfig(sigma_range_m=made.sigma_range_m))
     return _core.OdometryTimeline(
         build_gyro_config(config) if gyro else None,
-        scans,
+        None if config.scan_odometry is None else scan_odometry_of(config),
         build_estimator_config(config.estimator).odometry,
         round(config.history_s * NANOSECONDS),
         _core.ClockJump[config.clock_jump.upper()],
         config.history_messages,
     )
+
+
+def scan_odometry_of(config: RunConfig) -> _core.ScanOdometryConfig:
+    """Return how scans are fitted to one another; by defaults without ``scan_odometry``."""
+    made = config.scan_odometry
+    if made is None:
+        return _core.ScanOdometryConfig()
+    return _core.ScanOdometryConfig(map=_core.LocalMapConfig(sigma_range_m=made.sigma_range_m))
 
 
 def with_odometry(log: Log, config: RunConfig, *, gyro: bool = True) -> Log:

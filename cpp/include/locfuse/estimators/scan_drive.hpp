@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
 
 #include "locfuse/frontends/scan_odometry.hpp"
@@ -37,6 +38,14 @@ class ScanDrive {
   /// std::invalid_argument if it is not valid.
   std::optional<Increment> on(const LaserScan& z);
 
+  /// How many scans were used, and how the last of them was fitted.
+  [[nodiscard]] std::size_t used() const { return used_; }
+  [[nodiscard]] const std::optional<ScanMotion>& fit() const { return fit_; }
+  /// How fast the body turns at a stamp that comes next, by wheels or else by scans [rad/s].
+  [[nodiscard]] double turn_rate_at(Stamp stamp) const {
+    return has_wheels_at(stamp) ? rate_.z() : twist_.z();
+  }
+
  private:
   /// A motion and the covariance of its (x, y, heading).
   struct Guess {
@@ -44,6 +53,8 @@ class ScanDrive {
     Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
   };
 
+  [[nodiscard]] bool has_wheels_at(Stamp stamp) const;
+  const ScanMotion& fit(const LaserScan& scan, const Guess& guess);
   [[nodiscard]] bool take_wheels(Stamp begin, Stamp stamp);
   [[nodiscard]] Guess by_wheels(Stamp stamp, double seconds);
   [[nodiscard]] Guess by_scans(double seconds) const;
@@ -52,6 +63,8 @@ class ScanDrive {
 
   OdometryMotion model_;
   ScanOdometry odometry_;
+  std::size_t used_ = 0;
+  std::optional<ScanMotion> fit_;
   std::optional<Stamp> at_;          // stamp of the last scan used
   std::optional<Pose2> correction_;  // by other scans of that stamp
   bool has_twist_ = false;

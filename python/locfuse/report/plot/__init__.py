@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of a run, of the layout of anchors and of a sweep; needs matplotlib.
 
-Each function takes a `RunResult`, `plot_layout` a `Layout`, `plot_survey` a
-`SurveyResult`, `plot_tune` a `TuneResult`, and returns a free-standing matplotlib
+Each function takes a `RunResult`, `plot_layout` a `Layout`, `plot_map` a `MapResult`, `plot_survey`
+a `SurveyResult`, `plot_tune` a `TuneResult`, and returns a free-standing matplotlib
 `Figure`; nothing touches pyplot or process-wide settings. Long runs are decimated to what a
 picture can show, and never so that an extreme error or a stretch of rejections disappears.
 """
@@ -18,6 +18,7 @@ from locfuse.report.plot.errors import plot_errors, plot_height
 from locfuse.report.plot.film import check_film, write_film
 from locfuse.report.plot.health import plot_health, plot_watched
 from locfuse.report.plot.layout import plot_layout
+from locfuse.report.plot.mapping import plot_map
 from locfuse.report.plot.nis import plot_nis
 from locfuse.report.plot.outcomes import plot_outcomes
 from locfuse.report.plot.path import plot_path
@@ -34,6 +35,7 @@ __all__ = [
     "plot_health",
     "plot_height",
     "plot_layout",
+    "plot_map",
     "plot_nis",
     "plot_outcomes",
     "plot_path",
