@@ -16,7 +16,7 @@ from locfuse.config.schema import RunConfig
 from locfuse.eval.errors import interpolate
 from locfuse.eval.relations import relation_errors, relation_metrics
 from locfuse.io.log_folder import read_log
-from locfuse.io.maps import read_map
+from locfuse.io.maps import read_map, write_map
 from locfuse.io.tum import read_tum
 from locfuse.report.plot import plot_map
 from locfuse.run.mapping import MapResult, make_map, write_map_result
@@ -47,13 +47,13 @@ def near(walls: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
     return found
 
 
-def true_share(made: GridMap, true: GridMap) -> float:
-    """Return the fraction of the walls drawn that are within two cells of true ones."""
+def true_share(made: GridMap, true: GridMap, within: int = 2) -> float:
+    """Return the fraction of the walls drawn that are within some cells of true ones."""
     rows, columns = np.nonzero(made.cells == OCCUPIED)
     at = (np.column_stack([columns, rows]) + 0.5) * made.resolution_m + made.origin[:2]
     cells = np.floor((at - true.origin[:2]) / true.resolution_m).astype(np.int64)
     inside = ((cells >= 0) & (cells < true.cells.shape[::-1])).all(axis=1)
-    walls = near(true.cells == OCCUPIED, 2)
+    walls = near(true.cells == OCCUPIED, within)
     right = np.zeros(len(cells), np.bool_)
     right[inside] = walls[cells[inside, 1], cells[inside, 0]]
     return float(right.mean())
@@ -91,6 +91,58 @@ def test_a_floor_is_mapped_and_its_map_localizes_another_drive() -> None:
     ours = run(of_run, log=replace(other, grid=made.grid)).metrics["position_rmse_m"]
     theirs = run(of_run, log=other).metrics["position_rmse_m"]
     assert ours < theirs + 0.02
+
+
+def corridors(seed: int, folder: Path, *, equal: bool) -> tuple[RunConfig, Log]:
+    """Return two laps and more of a ring of corridors of 36 by 16 m, with rooms on both sides.
+
+    With `equal` doors are 4 m apart everywhere. Wheels turn by two radians too far in all. The
+    laser sees half of a circle, 12 m.
+    """
+    rng = np.random.default_rng(seed)
+    cells = np.full((600, 1000), OCCUPIED, np.int8)
+
+    def clear(left: float, below: float, right: float, top: float) -> None:
+        cells[round(below * 20) : round(top * 20), round(left * 20) : round(right * 20)] = FREE
+
+    clear(6, 6, 44, 8)
+    clear(6, 22, 44, 24)
+    clear(6, 6, 8, 24)
+    clear(42, 6, 44, 24)
+    for below, top, door in ((1.0, 5.8, 5.7), (24.2, 29.0, 23.9)):
+        x = 7.0
+        while x < 39.0:
+            width = 4.0 if equal else float(rng.uniform(3.0, 5.5))
+            if equal or rng.random() < 0.8:
+                clear(x, below, x + width - 0.2, top)
+                at = x + (1.5 if equal else float(rng.uniform(0.5, width - 1.7)))
+                clear(at, door, at + 0.9, door + 0.4)
+            x += width
+    write_map(GridMap(cells, 0.05), folder / "ring.yaml")
+    way = {"shape": "points", "points_m": [[10, 7], [43, 7], [43, 23], [7, 23], [7, 7]],
+           "closed": True, "speed_mps": 0.5}  # fmt: skip
+    config = parse_config({"start": "truth", "seed": seed, "simulation": {
+        "room_m": [50, 30], "map": {"file": str(folder / "ring.yaml")}, "path": way,
+        "duration_s": 500, "laser": {"range_max_m": 12, "beams": 181, "field_of_view_deg": 180},
+        "odometry": {"turn_bias_radps": 0.004}, "anchors": {}, "ranges": None, "poses": None}}
+    )  # fmt: skip
+    return config, load_log(config, folder, seed)
+
+
+@pytest.mark.parametrize(("seed", "equal"), [(0, False), (2, False), (3, True)])
+def test_no_corridor_is_folded(seed: int, equal: bool, tmp_path: Path) -> None:
+    """Printed with pytest -s, as in results/components.md."""
+    config, log = corridors(seed, tmp_path, equal=equal)
+    made = make_map(config, log)
+    rmse, nees = errors(made, log)
+    kept = sum(loop.kept for loop in made.loops)
+    print(f"seed {seed}{', equal doors' if equal else ''}: {made.length_m:.0f} m, {kept} loops, "
+          f"RMSE {rmse:.3f} m, NEES {nees:.1f} of 3")  # fmt: skip
+    assert rmse < 0.3
+    assert nees < 6.0
+    assert kept > 50
+    assert log.grid is not None
+    assert true_share(made.grid, log.grid, within=6) > 0.97
 
 
 def test_covariances_cover_the_errors_of_many_drives() -> None:
