@@ -294,7 +294,8 @@ def _follows_in_degrees(table: Columns) -> bool:
 def unused_maps(context: Context) -> Iterator[Finding]:
     """Name maps without walls, and starts or truths off the map."""
     if context.table("scans") is not None and context.log.map is None:
-        yield note("the log has scans but no map to match them against", "log.yaml, map")
+        yield note("the log has scans but no map to match them against; `locfuse map` draws one",
+                   "log.yaml, map")  # fmt: skip
     grid = context.log.grid
     if grid is None:
         return

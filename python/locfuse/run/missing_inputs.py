@@ -13,7 +13,7 @@ _HOW = {
         "anchors": "add anchors.csv",
         "tags": "add 'tags: {NAME: [x, y, z]}' to log.yaml",
         "landmarks": "add landmarks.csv",
-        "map": "add 'map: FILE.yaml' to log.yaml",
+        "map": "add 'map: FILE.yaml' to log.yaml (`locfuse map` draws one)",
         "scans": "add scans.csv, and 'laser' to log.yaml",
         "imu": "add imu.csv, with forces",
     },
@@ -23,7 +23,8 @@ _HOW = {
         "tags": "record tf_static with a frame of each tag's name, or add "
                 f"'tags: {{NAME: [x, y, z]}}' to log.yaml in {_FOLDER}",
         "landmarks": f"add landmarks.csv to {_FOLDER}, or record ros.topics.landmarks",
-        "map": f"record ros.topics.map, or add 'map: FILE.yaml' to log.yaml in {_FOLDER}",
+        "map": f"record ros.topics.map, or add 'map: FILE.yaml' to log.yaml in {_FOLDER} (`locfuse "
+               "map` draws one)",
         "scans": "record scans, whose topic ros.topics.scans names, and tf_static, or add 'laser' "
                  f"to log.yaml in {_FOLDER}",
         "imu": "record an IMU with an accelerometer, whose topic ros.topics.imu names",
