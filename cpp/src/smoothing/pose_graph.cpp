@@ -2,7 +2,6 @@
 #include "locfuse/smoothing/pose_graph.hpp"
 
 #include <ceres/problem.h>
-#include <ceres/solver.h>
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -12,11 +11,11 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "locfuse/error.hpp"
 #include "locfuse/math/chi_squared.hpp"
 #include "smoothing/graph_covariance.hpp"
 #include "smoothing/motion_cost.hpp"
 #include "smoothing/rejection.hpp"
+#include "smoothing/sparse_solver.hpp"
 
 namespace locfuse {
 namespace {
@@ -191,22 +190,7 @@ class Graph {
             poses_[relations_[k].from].data(), poses_[relations_[k].to].data());
       }
     }
-    ceres::Solver::Options solver;
-    solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    solver.logging_type = ceres::SILENT;
-    solver.num_threads = 1;
-    solver.max_num_iterations = config_.max_iterations;
-    solver.function_tolerance = tolerance;
-    solver.parameter_tolerance = 1e-10;
-    ceres::Solver::Summary summary;
-    ceres::Solve(solver, &problem, &summary);
-    if (!summary.IsSolutionUsable()) {
-      throw NumericalError("the pose graph has no solution: " + summary.message);
-    }
-    found.iterations += summary.num_successful_steps + summary.num_unsuccessful_steps;
-    found.cost = summary.final_cost;
-    found.converged = summary.termination_type == ceres::CONVERGENCE;
-    found.termination = summary.message;
+    internal::solve_sparse(problem, config_.max_iterations, tolerance, "the pose graph", found);
   }
 
   [[nodiscard]] double squared(std::size_t k) const {

@@ -5,7 +5,6 @@
 #include <ceres/loss_function.h>
 #include <ceres/problem.h>
 #include <ceres/sized_cost_function.h>
-#include <ceres/solver.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -24,6 +23,7 @@
 #include "smoothing/motion_cost.hpp"
 #include "smoothing/pose_chain.hpp"
 #include "smoothing/rejection.hpp"
+#include "smoothing/sparse_solver.hpp"
 
 namespace locfuse {
 namespace {
@@ -228,25 +228,12 @@ class Batch {
     for (std::size_t i = 0; i < shared_.size(); ++i) {
       problem.AddResidualBlock(new PriorCost(chain_.shared[i]), nullptr, &shared_[i]);
     }
-    ceres::Solver::Options solver;
-    solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    solver.logging_type = ceres::SILENT;
-    solver.num_threads = 1;
-    solver.max_num_iterations = config_.max_iterations;
-    solver.function_tolerance = tolerance;
-    solver.parameter_tolerance = 1e-10;
-    ceres::Solver::Summary summary;
-    ceres::Solve(solver, &problem, &summary);
-    if (!summary.IsSolutionUsable()) {
-      throw NumericalError("the smoother has no solution: " + summary.message);
-    }
-    if (found.iterations == 0) {
+    const int before = found.iterations;
+    const auto summary =
+        internal::solve_sparse(problem, config_.max_iterations, tolerance, "the smoother", found);
+    if (before == 0) {
       found.initial_cost = summary.initial_cost;
     }
-    found.iterations += summary.num_successful_steps + summary.num_unsuccessful_steps;
-    found.cost = summary.final_cost;
-    found.converged = summary.termination_type == ceres::CONVERGENCE;
-    found.termination = summary.message;
   }
 
   /// Squared residual of a measurement in sigmas of its noise.
