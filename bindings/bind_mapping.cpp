@@ -184,10 +184,10 @@ ValueError
       .def_readonly("keys", &ScanMapping::keys, "Of those, that the map is drawn of.")
       .def_readonly("unmatched", &ScanMapping::unmatched,
                     "Of those, that fitted nothing before: there the wheels led.")
-      .def_readonly("weak", &ScanMapping::weak,
-                    "Of all scans, that left a direction open, as along a corridor.")
-      .def_readonly("has_wheels", &ScanMapping::has_wheels,
-                    "Whether there was odometry, which led along it.");
+      .def_readonly(
+          "weak", &ScanMapping::weak,
+          "Of all scans, that left a direction open, as along a corridor, where no wheels "
+          "led.");
   m.def("map_scans", &map_scans, py::arg("scans"), py::arg("odometry"), py::arg("log"),
         py::arg("start"), py::arg("resolution_m") = ScanMapperConfig{}.resolution_m,
         py::arg("onto") = py::none(), py::arg("progress") = py::none(),

@@ -7117,11 +7117,6 @@ class ScanMapping:
         OccupancyGrid.
         """
     @property
-    def has_wheels(self) -> bool:
-        """
-        Whether there was odometry, which led along it.
-        """
-    @property
     def keys(self) -> int:
         """
         Of those, that the map is drawn of.
@@ -7154,7 +7149,7 @@ class ScanMapping:
     @property
     def weak(self) -> int:
         """
-        Of all scans, that left a direction open, as along a corridor.
+        Of all scans, that left a direction open, as along a corridor, where no wheels led.
         """
 
 def arc(

@@ -16,6 +16,8 @@ struct ScanDriveTuning {
   /// How much a body may change its velocity between two scans, where no wheels measure it.
   static constexpr double kSigmaSpeed = 0.5;     ///< [m/s]
   static constexpr double kSigmaTurnRate = 0.5;  ///< [rad/s]
+  /// Change of a velocity by scans, in those sigmas, from which on it is a jump of the body.
+  static constexpr double kJump = 6.0;
 };
 
 Pose2 driven(const Vector<3>& rate, double seconds) {
@@ -115,8 +117,14 @@ void ScanDrive::follow(const Pose2& motion, double seconds) {
   since_ = since_ * motion;
   seconds_ += seconds;
   if (seconds_ >= ScanDriveTuning::kMeasured) {
-    has_twist_ = true;
-    twist_ = rate_of(since_, seconds_);
+    const Vector<3> rate = rate_of(since_, seconds_);
+    const Vector<3> sigma(ScanDriveTuning::kSigmaSpeed, ScanDriveTuning::kSigmaSpeed,
+                          ScanDriveTuning::kSigmaTurnRate);
+    const bool is_jump =
+        has_twist_ &&
+        ((rate - twist_).cwiseAbs().array() > ScanDriveTuning::kJump * sigma.array()).any();
+    has_twist_ = !is_jump;
+    twist_ = is_jump ? Vector<3>(Vector<3>::Zero()) : rate;
     since_ = {};
     seconds_ = 0.0;
   }
@@ -134,7 +142,8 @@ ScanDrive::Guess ScanDrive::by_scans(double seconds) const {
   const Vector<3> sigma =
       seconds * Vector<3>(ScanDriveTuning::kSigmaSpeed, ScanDriveTuning::kSigmaSpeed,
                           ScanDriveTuning::kSigmaTurnRate);
-  return {driven(twist_, seconds), sigma.cwiseAbs2().asDiagonal()};
+  const double held = std::min(seconds, 1e-9 * static_cast<double>(ScanDriveTuning::kHold));
+  return {driven(twist_, held), sigma.cwiseAbs2().asDiagonal()};
 }
 
 }  // namespace locfuse

@@ -85,7 +85,8 @@ class ChainBuilder {
     } else if (is_of_new_laser(scan) && fit->match.converged) {
       chain_.nodes.back().scans.push_back({scan, fit->match.pose});
     }
-    chain_.weak += fit->match.converged && fit->match.weak_direction ? 1 : 0;
+    const bool is_open = fit->match.converged && fit->match.weak_direction;
+    chain_.weak += is_open && !drive_.has_wheels_at(scan.stamp) ? 1 : 0;
     ScanFrame frame{scan.stamp, chain_.nodes.size() - 1, fit->match.pose, fit->covariance, {}};
     frame.way = wheels_.until(scan.stamp);
     if (!chain_.frames.empty() && chain_.frames.back().stamp == scan.stamp) {
@@ -111,7 +112,6 @@ class ChainBuilder {
   void take(const M& u) {
     drive_.on(u);
     wheels_.on(u);
-    chain_.has_wheels = true;
   }
 
   /// The scan before became the key scan that this one was fitted to; or this is the first.

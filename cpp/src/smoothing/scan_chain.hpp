@@ -33,8 +33,7 @@ struct ScanChain {
   std::vector<PoseRelation> relations;  ///< from each node to the next
   std::vector<ScanFrame> frames;
   std::size_t unmatched = 0;  ///< nodes whose scan fitted nothing
-  std::size_t weak = 0;       ///< frames whose scan left a direction open
-  bool has_wheels = false;
+  std::size_t weak = 0;       ///< frames whose scan left a direction open, without wheels
 };
 
 /// Throws std::invalid_argument as `map_scans`.

@@ -54,7 +54,7 @@ struct ScanMapperTuning {
   static constexpr double kContradiction = 50.0;
   static constexpr double kForgottenWay = 20.0;  ///< after which they count no more [m]
   static constexpr std::size_t kMaxUnsolved = 20;
-  static constexpr std::size_t kMaxSubmaps = 400;
+  static constexpr std::size_t kMaxSubmaps = 64;
 };
 /// Covariance of what a fit of a loop is off beside its own.
 Matrix<3, 3> of_loop() { return Vector<3>(0.02, 0.02, 0.005).cwiseAbs2().asDiagonal(); }
@@ -132,21 +132,23 @@ class Mapper {
     found.keys = chain_.nodes.size();
     found.unmatched = chain_.unmatched;
     found.weak = chain_.weak;
-    found.has_wheels = chain_.has_wheels;
     return found;
   }
 
  private:
   std::shared_ptr<const Submap> submap(std::size_t node) {
-    const auto found = submaps_.find(node);
-    if (found != submaps_.end()) {
-      return found->second;
+    Used& one = submaps_[node];
+    if (!one.submap) {
+      one.submap = std::make_shared<const Submap>(chain_, node, config_.drive.scans.map);
     }
-    if (submaps_.size() >= ScanMapperTuning::kMaxSubmaps) {
-      submaps_.clear();
+    one.last = ++uses_;
+    const std::shared_ptr<const Submap> found = one.submap;
+    if (submaps_.size() > ScanMapperTuning::kMaxSubmaps) {
+      submaps_.erase(std::min_element(
+          submaps_.begin(), submaps_.end(),
+          [](const auto& a, const auto& b) { return a.second.last < b.second.last; }));
     }
-    const auto made = std::make_shared<const Submap>(chain_, node, config_.drive.scans.map);
-    return submaps_.emplace(node, made).first->second;
+    return found;
   }
 
   [[nodiscard]] const Pose2& at(std::size_t node) const { return poses_[node + 1]; }
@@ -472,7 +474,12 @@ class Mapper {
   std::size_t fixed_ = 0;        // relations that are no loops
   std::vector<ScanLoop> loops_;  // in the order of their relations
   std::vector<std::size_t> places_;
-  std::map<std::size_t, std::shared_ptr<const Submap>> submaps_;
+  struct Used {
+    std::shared_ptr<const Submap> submap;
+    std::size_t last = 0;  // when it was asked for, in uses
+  };
+  std::map<std::size_t, Used> submaps_;
+  std::size_t uses_ = 0;
   std::optional<ScanMatcher> matcher_;
   std::optional<GraphCovariance> covariance_;
   std::vector<Hypothesis> pending_;

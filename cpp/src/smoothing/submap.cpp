@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "frontends/scan_lines.hpp"
 #include "locfuse/frontends/grid_drawing.hpp"
@@ -15,8 +16,18 @@ struct SubmapTuning {
   static constexpr double kEvery = 0.5;  ///< between two of its key scans [m]
   static constexpr double kCell = 0.1;   ///< of its grid [m]
   static constexpr double kWall = 0.15;  ///< farthest from a wall at which an end agrees [m]
+  static constexpr double kFar = 30.0;   ///< ends beyond say nothing here [m]
   static constexpr std::size_t kMaxEnds = 1500;
 };
+
+/// Without what is far away, where a scan is drawn.
+LaserScan near_part(const LaserScan& scan) {
+  LaserScan near = scan;
+  for (double& range : near.ranges) {
+    range = range > SubmapTuning::kFar ? std::numeric_limits<double>::quiet_NaN() : range;
+  }
+  return near;
+}
 
 std::vector<PlacedScan> scans_around(const ScanChain& chain, std::size_t node) {
   const ScanNode& center = chain.nodes[node];
@@ -32,7 +43,7 @@ std::vector<PlacedScan> scans_around(const ScanChain& chain, std::size_t node) {
     }
     last = one.path;
     for (const PlacedScan& placed : one.scans) {
-      found.push_back({placed.scan, at * placed.pose});
+      found.push_back({near_part(placed.scan), at * placed.pose});
     }
   };
   double last = center.path;

@@ -157,9 +157,11 @@ def _start(config: RunConfig, log: Log, stamp: int, is_continued: bool) -> _core
     truth = truth_of(log)
     if config.start == "truth" and truth is not None and truth.heading is not None:
         at, inside = interpolate(truth, np.array([stamp], dtype=np.int64))
-        if inside[0] and at.heading is not None:
-            pose = *at.position[0, :2].tolist(), float(np.rad2deg(at.heading[0]))
-            return given_start(pose, config.start_sigma, stamp)
+        if not inside[0] or at.heading is None:
+            raise ConfigError("start is 'truth', but truth.csv has no pose at the first scan; set "
+                              "start: [x, y, heading_deg]")  # fmt: skip
+        x, y = at.position[0, :2].tolist()
+        return given_start((x, y, float(np.rad2deg(at.heading[0]))), config.start_sigma, stamp)
     if isinstance(config.start, tuple):
         return given_start(config.start, config.start_sigma, stamp)
     if is_continued:
@@ -185,7 +187,7 @@ def _findings(made: _core.ScanMapping, estimate: Trajectory, is_continued: bool)
     """Return what makes a map doubtful, a sentence each."""
     found = []
     kept = sum(loop.kept for loop in made.loops)
-    if made.keys < 2:
+    if made.keys < 2 and made.weak < made.scans // 2:
         found.append("the robot stood: the map is what one place shows; drive")
     elif is_continued and not any(loop.kept and loop.is_on_map for loop in made.loops):
         found.append("no scan fits the old map near the start; is `start` right, and the map of "
@@ -198,9 +200,10 @@ def _findings(made: _core.ScanMapping, estimate: Trajectory, is_continued: bool)
         found.append(f"{len(made.loops) - kept} of {len(made.loops)} places seen again contradict "
                      "the others and were left out")  # fmt: skip
     if made.unmatched > 0:
-        found.append(f"{made.unmatched} of {made.keys} scans fitted nothing before them: there the "
-                     "map is only as good as the wheels; drive and turn slower")  # fmt: skip
-    if made.weak > 0 and not made.has_wheels:
+        found.append(f"{made.unmatched} of {made.keys} scans fitted nothing before them: there "
+                     "only wheels, if there are any, say how the robot went; drive and turn slower"
+                     )  # fmt: skip
+    if made.weak > 0:
         found.append(f"{made.weak} of {made.scans} scans show nothing of how far the robot went, "
                      "as along a corridor, and there are no wheels: lengths there are guesses"
                      )  # fmt: skip

@@ -41,6 +41,8 @@ class ScanDrive {
   /// How many scans were used, and how the last of them was fitted.
   [[nodiscard]] std::size_t used() const { return used_; }
   [[nodiscard]] const std::optional<ScanMotion>& fit() const { return fit_; }
+  /// Whether wheels say how the body moves at a stamp that comes next.
+  [[nodiscard]] bool has_wheels_at(Stamp stamp) const;
   /// How fast the body turns at a stamp that comes next, by wheels or else by scans [rad/s].
   [[nodiscard]] double turn_rate_at(Stamp stamp) const {
     return has_wheels_at(stamp) ? rate_.z() : twist_.z();
@@ -53,7 +55,6 @@ class ScanDrive {
     Matrix<3, 3> covariance = Matrix<3, 3>::Zero();
   };
 
-  [[nodiscard]] bool has_wheels_at(Stamp stamp) const;
   const ScanMotion& fit(const LaserScan& scan, const Guess& guess);
   [[nodiscard]] bool take_wheels(Stamp begin, Stamp stamp);
   [[nodiscard]] Guess by_wheels(Stamp stamp, double seconds);

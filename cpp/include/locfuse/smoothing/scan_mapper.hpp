@@ -43,8 +43,8 @@ struct ScanMapping {
   std::size_t scans = 0;      ///< that were used
   std::size_t keys = 0;       ///< of those that the map is drawn of
   std::size_t unmatched = 0;  ///< of those that fitted nothing: there the wheels led
-  std::size_t weak = 0;       ///< of all scans those that left a direction open, as in a corridor
-  bool has_wheels = false;    ///< whether there was odometry, which led along it
+  /// Of all scans those that left a direction open, as in a corridor, where no wheels led.
+  std::size_t weak = 0;
 };
 
 /// Receives the share of the work that is done, 0 to 1.
