@@ -187,7 +187,7 @@ def _findings(made: _core.ScanMapping, estimate: Trajectory, is_continued: bool)
     """Return what makes a map doubtful, a sentence each."""
     found = []
     kept = sum(loop.kept for loop in made.loops)
-    if made.keys < 2 and made.weak < made.scans // 2:
+    if made.keys < 2 and 2 * made.weak <= made.scans:
         found.append("the robot stood: the map is what one place shows; drive")
     elif is_continued and not any(loop.kept and loop.is_on_map for loop in made.loops):
         found.append("no scan fits the old map near the start; is `start` right, and the map of "
