@@ -142,7 +142,7 @@ class Mapper {
       one.submap = std::make_shared<const Submap>(chain_, node, config_.drive.scans.map);
     }
     one.last = ++uses_;
-    const std::shared_ptr<const Submap> found = one.submap;
+    std::shared_ptr<const Submap> found = one.submap;
     if (submaps_.size() > ScanMapperTuning::kMaxSubmaps) {
       submaps_.erase(std::min_element(
           submaps_.begin(), submaps_.end(),
