@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -10,6 +8,7 @@
 #include "locfuse/frontends/grid_drawing.hpp"
 #include "locfuse/smoothing/pose_graph.hpp"
 #include "locfuse/smoothing/scan_mapper.hpp"
+#include "progress.hpp"
 #include "shared_log.hpp"
 
 namespace py = pybind11;
@@ -31,20 +30,9 @@ ScanMapping map_scans(const locfuse::ScanOdometryConfig& scans,
                       const std::optional<std::shared_ptr<OccupancyGrid>>& onto,
                       const std::optional<locfuse::ScanMapperProgress>& progress) {
   const Use use(log, Use::Kind::kRead);
-  locfuse::ScanMapperProgress report;
-  if (progress) {
-    report = [&](double share) {
-      const py::gil_scoped_acquire acquire;
-      (*progress)(share);
-    };
-  }
   const ScanMapperConfig config{{scans, odometry}, {}, resolution_m, start, onto.value_or(nullptr)};
   const py::gil_scoped_release release;
-  std::vector<locfuse::Message> messages;
-  messages.reserve(log.log.arrivals().size());
-  std::transform(log.log.arrivals().begin(), log.log.arrivals().end(), std::back_inserter(messages),
-                 [](const auto& arrival) { return arrival.message; });
-  return locfuse::map_scans(config, messages, report);
+  return locfuse::map_scans(config, messages_of(log.log), with_gil(progress));
 }
 
 void bind_pose_graph(py::module_& m) {

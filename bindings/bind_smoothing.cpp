@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <iterator>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -10,6 +9,7 @@
 #include "locfuse/replay/replay.hpp"
 #include "locfuse/smoothing/smoother.hpp"
 #include "locfuse/smoothing/survey.hpp"
+#include "progress.hpp"
 #include "shared_log.hpp"
 
 namespace py = pybind11;
@@ -88,19 +88,8 @@ locfuse::Survey survey(const locfuse::PoseEkf::Config& config, const locfuse::Wo
   settings.smoother.estimator = config;
   settings.smoother.tags = std::move(tags);
   settings.heights = std::move(heights);
-  locfuse::SurveyProgress report;
-  if (progress) {
-    report = [&](double share) {
-      const py::gil_scoped_acquire acquire;
-      (*progress)(share);
-    };
-  }
   const py::gil_scoped_release release;
-  std::vector<locfuse::Message> messages;
-  messages.reserve(log.log.arrivals().size());
-  std::transform(log.log.arrivals().begin(), log.log.arrivals().end(), std::back_inserter(messages),
-                 [](const auto& arrival) { return arrival.message; });
-  return locfuse::survey(settings, world, start, messages, report);
+  return locfuse::survey(settings, world, start, messages_of(log.log), with_gil(progress));
 }
 
 /// The run of a filter with what the smoother says in place of its estimates and outcomes.

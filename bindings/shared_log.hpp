@@ -2,6 +2,7 @@
 #pragma once
 
 #include <stdexcept>
+#include <vector>
 
 #include "locfuse/replay/message_log.hpp"
 
@@ -10,6 +11,16 @@ struct SharedLog {
   locfuse::MessageLog log;
   int uses = 0;  // number of running replays, or -1 while the log is modified
 };
+
+/// The messages of a log in order of arrival.
+inline std::vector<locfuse::Message> messages_of(const locfuse::MessageLog& log) {
+  std::vector<locfuse::Message> messages;
+  messages.reserve(log.arrivals().size());
+  for (const locfuse::MessageLog::Arrival& arrival : log.arrivals()) {
+    messages.push_back(arrival.message);
+  }
+  return messages;
+}
 
 /// Guard for one use of a log: throws std::runtime_error if a conflicting use is running. Construct
 /// it before the GIL is released and destroy it after the GIL is reacquired.

@@ -13,14 +13,12 @@
 
 #include "locfuse/math/chi_squared.hpp"
 #include "smoothing/graph_covariance.hpp"
-#include "smoothing/motion_cost.hpp"
 #include "smoothing/rejection.hpp"
-#include "smoothing/sparse_solver.hpp"
+#include "smoothing/sparse_problem.hpp"
 
 namespace locfuse {
 namespace {
 
-using internal::MotionCost;
 using internal::pose_of;
 
 /// W with W'W = information, a row for each axis of its ellipsoid.
@@ -185,20 +183,20 @@ class Graph {
     problem.SetParameterBlockConstant(poses_.front().data());
     for (std::size_t k = 0; k < relations_.size(); ++k) {
       if (weights_[k] > 0.0) {
-        problem.AddResidualBlock(
-            new MotionCost(relations_[k].motion, std::sqrt(weights_[k]) * whiten_[k]), nullptr,
-            poses_[relations_[k].from].data(), poses_[relations_[k].to].data());
+        internal::add_motion(problem, relations_[k].motion, std::sqrt(weights_[k]) * whiten_[k],
+                             poses_[relations_[k].from].data(), poses_[relations_[k].to].data());
       }
     }
-    internal::solve_sparse(problem, config_.max_iterations, tolerance, "the pose graph", found);
+    internal::note_solution(
+        internal::solve_sparse(problem, config_.max_iterations, tolerance, "the pose graph"),
+        found);
   }
 
   [[nodiscard]] double squared(std::size_t k) const {
-    const std::array<const double*, 2> x{poses_[relations_[k].from].data(),
-                                         poses_[relations_[k].to].data()};
-    Vector<3> residual;
-    MotionCost(relations_[k].motion, whiten_[k]).Evaluate(x.data(), residual.data(), nullptr);
-    return residual.squaredNorm();
+    const PoseRelation& relation = relations_[k];
+    const Vector<3> error = internal::motion_error(poses_[relation.from].data(),
+                                                   poses_[relation.to].data(), relation.motion);
+    return (whiten_[k] * error).squaredNorm();
   }
 
   const std::vector<PoseRelation>& relations_;

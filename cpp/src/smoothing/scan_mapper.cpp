@@ -119,7 +119,7 @@ class Mapper {
     std::vector<PlacedScan> scans;
     for (std::size_t i = 0; i < chain_.nodes.size(); ++i) {
       for (const PlacedScan& placed : chain_.nodes[i].scans) {
-        scans.push_back({placed.scan, poses_[i + 1] * placed.pose});
+        scans.push_back({placed.scan, at(i) * placed.pose});
       }
     }
     ScanMapping found{draw_grid(scans, config_.resolution_m, config_.onto), {}, {}};
@@ -168,19 +168,14 @@ class Mapper {
     if (others.empty()) {
       return;
     }
-    const auto distance = [&](std::size_t other) {
-      return (at(other).position() - at(node).position()).norm();
-    };
-    const std::size_t nearest =
-        *std::min_element(others.begin(), others.end(),
-                          [&](std::size_t a, std::size_t b) { return distance(a) < distance(b); });
+    const std::size_t nearest = *std::min_element(
+        others.begin(), others.end(),
+        [&](std::size_t a, std::size_t b) { return distance(a, node) < distance(b, node); });
     const Matrix<3, 3> P = covariance_->between(nearest + 1, node + 1);
-    const double off = 3.0 * sigma_of(P);
-    const double turned = 3.0 * std::sqrt(P(2, 2));
-    const bool is_near = off <= ScanMapperTuning::kNear && turned <= ScanMapperTuning::kNearTurn;
+    const bool is_near = is_expected(P);
     const std::size_t before = pending_.size();
     for (const std::size_t other :
-         compared(others, node, (is_near ? 0.0 : off) + ScanMapperTuning::kReach,
+         compared(others, node, (is_near ? 0.0 : 3.0 * sigma_of(P)) + ScanMapperTuning::kReach,
                   is_near ? ScanMapperTuning::kSegment : 1.5 * ScanMapperTuning::kPlace)) {
       if (is_closed(other, node)) {
         continue;
@@ -202,6 +197,9 @@ class Mapper {
     }
   }
 
+  [[nodiscard]] double distance(std::size_t a, std::size_t b) const {
+    return (at(a).position() - at(b).position()).norm();
+  }
   [[nodiscard]] double way_between(std::size_t a, std::size_t b) const {
     return std::abs(chain_.nodes[a].path - chain_.nodes[b].path);
   }
@@ -223,17 +221,20 @@ class Mapper {
         Eigen::SelfAdjointEigenSolver<Matrix<2, 2>>(P.topLeftCorner<2, 2>()).eigenvalues()(1));
   }
 
+  /// Whether a fit begins where a place is expected, with that covariance.
+  [[nodiscard]] static bool is_expected(const Matrix<3, 3>& P) {
+    return 3.0 * sigma_of(P) <= ScanMapperTuning::kNear &&
+           3.0 * std::sqrt(P(2, 2)) <= ScanMapperTuning::kNearTurn;
+  }
+
   /// Those within reach, the nearest first, of which no two are within `way` of the drive.
   [[nodiscard]] std::vector<std::size_t> compared(std::vector<std::size_t> others, std::size_t node,
                                                   double reach, double way) const {
-    const auto distance = [&](std::size_t other) {
-      return (at(other).position() - at(node).position()).norm();
-    };
     others.erase(std::remove_if(others.begin(), others.end(),
-                                [&](std::size_t other) { return distance(other) > reach; }),
+                                [&](std::size_t other) { return distance(other, node) > reach; }),
                  others.end());
     std::sort(others.begin(), others.end(),
-              [&](std::size_t a, std::size_t b) { return distance(a) < distance(b); });
+              [&](std::size_t a, std::size_t b) { return distance(a, node) < distance(b, node); });
     std::vector<std::size_t> chosen;
     for (const std::size_t other : others) {
       const bool is_apart = std::none_of(chosen.begin(), chosen.end(), [&](std::size_t one) {
@@ -260,9 +261,11 @@ class Mapper {
     const Vector<3> off = local(match.pose, expected);
     const Matrix<3, 3> S = P + of_loop();
     const double squared = off.dot(S.llt().solve(off));
+    if (squared > limit_) {
+      return std::nullopt;
+    }
     const Submap::Agreement found = submap(from)->agreement(*submap(to), match.pose);
-    if (squared > chi_squared_quantile(3, ScanMapperTuning::kConfidence) ||
-        found.share < ScanMapperTuning::kMinAgreement ||
+    if (found.share < ScanMapperTuning::kMinAgreement ||
         found.overlap < ScanMapperTuning::kMinOverlap) {
       return std::nullopt;
     }
@@ -410,8 +413,7 @@ class Mapper {
     }
     const Matrix<3, 3> P = covariance_->of(node + 1) + of_loop();
     ScanMatch match;
-    if (3.0 * sigma_of(P) <= ScanMapperTuning::kNear &&
-        3.0 * std::sqrt(P(2, 2)) <= ScanMapperTuning::kNearTurn) {
+    if (is_expected(P)) {
       match = matcher_->refine(scan_of(node), at(node), P);
     } else {
       const ScanSearch found =
@@ -422,7 +424,7 @@ class Mapper {
     }
     const Vector<3> off = local(match.pose, at(node));
     if (!match.converged || match.explained < ScanMapperTuning::kMinExplained ||
-        off.dot(P.llt().solve(off)) > chi_squared_quantile(3, ScanMapperTuning::kConfidence)) {
+        off.dot(P.llt().solve(off)) > limit_) {
       return;
     }
     placed_.insert(node);
@@ -446,14 +448,20 @@ class Mapper {
   void add_poses(std::vector<PoseEstimate>& found) const {
     std::optional<Pose2> before;
     Stamp begin = 0;
+    std::optional<std::size_t> of_node;  // whose covariance P_node is
+    Matrix<3, 3> P_node = Matrix<3, 3>::Zero();
     for (const ScanFrame& frame : chain_.frames) {
       const Pose2& node = at(frame.node);
       const Pose2 pose = node * frame.in_node;
-      const Matrix<3, 3> P =
-          covariance_after(node, covariance_->of(frame.node + 1), frame.in_node, frame.covariance);
+      if (frame.node != of_node) {
+        of_node = frame.node;
+        P_node = covariance_->of(frame.node + 1);
+      }
+      const Matrix<3, 3> P = covariance_after(node, P_node, frame.in_node, frame.covariance);
+      const Vector<3> off =
+          before ? local(inverse(*before) * pose, frame.way.back().second) : Vector<3>::Zero();
       for (std::size_t i = 0; before && i + 1 < frame.way.size(); ++i) {
         const auto& [stamp, moved] = frame.way[i];
-        const Vector<3> off = local(inverse(*before) * pose, frame.way.back().second);
         const double share = seconds_between(begin, stamp) / seconds_between(begin, frame.stamp);
         if (stamp > begin) {
           found.push_back({stamp, *before * retract(moved, share * off), P});
@@ -471,6 +479,8 @@ class Mapper {
   std::vector<Pose2> poses_;             // of the world, then of the nodes
   std::vector<PoseRelation> relations_;  // of the start, the drive, then the loops
   std::vector<bool> kept_;
+  // Of the squared error of a loop, in sigmas of where it is expected.
+  const double limit_ = chi_squared_quantile(3, ScanMapperTuning::kConfidence);
   std::size_t fixed_ = 0;        // relations that are no loops
   std::vector<ScanLoop> loops_;  // in the order of their relations
   std::vector<std::size_t> places_;

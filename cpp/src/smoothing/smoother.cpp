@@ -20,20 +20,18 @@
 #include "estimators/recipe.hpp"
 #include "locfuse/error.hpp"
 #include "smoothing/chain_covariance.hpp"
-#include "smoothing/motion_cost.hpp"
+#include "smoothing/graph_covariance.hpp"
 #include "smoothing/pose_chain.hpp"
 #include "smoothing/rejection.hpp"
-#include "smoothing/sparse_solver.hpp"
+#include "smoothing/sparse_problem.hpp"
 
 namespace locfuse {
 namespace {
 
 using internal::Measurement;
-using internal::MotionCost;
 using internal::pose_of;
 using internal::PoseChain;
 using internal::RelativeMotion;
-using internal::RowMajor3;
 using Variables = std::array<double, 3>;  // x, y, heading, which is not wrapped
 /// Id of what all sources of a kind have in common.
 constexpr Id kEverySource = std::numeric_limits<Id>::min();
@@ -57,7 +55,7 @@ class StartCost final : public ceres::SizedCostFunction<3, 3> {
     Eigen::Map<Vector<3>> residual(residuals);
     residual = whiten_ * local(pose_of(x[0]), pose_);
     if (jacobians != nullptr && jacobians[0] != nullptr) {
-      Eigen::Map<RowMajor3> jacobian(jacobians[0]);
+      Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> jacobian(jacobians[0]);
       jacobian = whiten_;
     }
     return true;
@@ -204,8 +202,8 @@ class Batch {
     problem.AddResidualBlock(new StartCost(start_), nullptr, poses_.front().data());
     for (std::size_t i = 0; i < chain_.motions.size(); ++i) {
       const RelativeMotion& motion = chain_.motions[i];
-      problem.AddResidualBlock(new MotionCost(motion.motion, whitening(motion.covariance)), nullptr,
-                               poses_[i].data(), poses_[i + 1].data());
+      internal::add_motion(problem, motion.motion, whitening(motion.covariance), poses_[i].data(),
+                           poses_[i + 1].data());
     }
     std::vector<std::unique_ptr<ceres::LossFunction>> losses;
     for (std::size_t k = 0; k < chain_.measurements.size(); ++k) {
@@ -228,12 +226,12 @@ class Batch {
     for (std::size_t i = 0; i < shared_.size(); ++i) {
       problem.AddResidualBlock(new PriorCost(chain_.shared[i]), nullptr, &shared_[i]);
     }
-    const int before = found.iterations;
-    const auto summary =
-        internal::solve_sparse(problem, config_.max_iterations, tolerance, "the smoother", found);
-    if (before == 0) {
-      found.initial_cost = summary.initial_cost;
+    const internal::SparseSolution solution =
+        internal::solve_sparse(problem, config_.max_iterations, tolerance, "the smoother");
+    if (found.iterations == 0) {
+      found.initial_cost = solution.initial_cost;
     }
+    internal::note_solution(solution, found);
   }
 
   /// Squared residual of a measurement in sigmas of its noise.
@@ -414,23 +412,17 @@ class Batch {
   }
 
   void add_information(internal::ChainInformation& information) const {
-    const auto evaluate = [&](const ceres::CostFunction& cost, std::size_t pose, bool is_pair) {
-      std::array<const double*, 2> x{poses_[pose].data(),
-                                     is_pair ? poses_[pose + 1].data() : nullptr};
-      Vector<3> residual;
-      std::array<RowMajor3, 2> by;
-      std::array<double*, 2> jacobians{by[0].data(), is_pair ? by[1].data() : nullptr};
-      cost.Evaluate(x.data(), residual.data(), jacobians.data());
-      information.add(pose, by[0].transpose() * by[0]);
-      if (is_pair) {
-        information.add(pose + 1, by[1].transpose() * by[1]);
-        information.add_next(pose, by[0].transpose() * by[1]);
-      }
-    };
-    evaluate(StartCost(start_), 0, false);
+    const Matrix<3, 3> of_start = whitening(start_.covariance);
+    information.add(0, of_start.transpose() * of_start);
     for (std::size_t i = 0; i < chain_.motions.size(); ++i) {
-      const RelativeMotion& motion = chain_.motions[i];
-      evaluate(MotionCost(motion.motion, whitening(motion.covariance)), i, true);
+      const auto by =
+          internal::motion_jacobians(pose_of(poses_[i].data()), pose_of(poses_[i + 1].data()));
+      const Matrix<3, 3> whiten = whitening(chain_.motions[i].covariance);
+      const Matrix<3, 3> by_first = whiten * by.by_first;
+      const Matrix<3, 3> by_second = whiten * by.by_second;
+      information.add(i, by_first.transpose() * by_first);
+      information.add(i + 1, by_second.transpose() * by_second);
+      information.add_next(i, by_first.transpose() * by_second);
     }
     const PoseEkf::Config& estimator = config_.estimator;
     std::map<std::tuple<Source, Id, int>, int> learnt;  // errors that last, by source and row

@@ -10,13 +10,11 @@ from typing import Annotated
 import typer
 
 from locfuse.cli.inputs import ConfigFile, LogPath, with_log
-from locfuse.cli.terminal import check_folder, console, progress, visible
+from locfuse.cli.terminal import check_folder, console, share_progress, visible
 from locfuse.config.load import load_config
 from locfuse.io.maps import read_map
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
 from locfuse.run.mapping import MapResult, make_map, write_map_result
-
-_PARTS = 1000  # of the bar
 
 
 def map(
@@ -38,11 +36,8 @@ def map(
     if not math.isfinite(resolution) or not 0.001 <= resolution <= 10.0:
         raise ValueError(f"--resolution is {resolution:g}, expected 0.001 to 10 m")
     old = None if onto is None else read_map(onto)
-    with progress("parts") as moved:
-        result = make_map(
-            parsed, base=base, resolution_m=resolution, onto=old,
-            progress=lambda share: moved(round(share * _PARTS), _PARTS),
-        )  # fmt: skip
+    with share_progress() as progress:
+        result = make_map(parsed, base=base, resolution_m=resolution, onto=old, progress=progress)
     _print(result)
     for path in write_map_result(result, out):
         console.print(f"written: {path}", soft_wrap=True)

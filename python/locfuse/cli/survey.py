@@ -13,13 +13,11 @@ from rich import box
 from rich.table import Table
 
 from locfuse.cli.inputs import ConfigFile, LogPath, with_log
-from locfuse.cli.terminal import check_folder, console, progress, visible
+from locfuse.cli.terminal import check_folder, console, share_progress, visible
 from locfuse.config.load import load_config
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
 from locfuse.run.survey import survey as survey_anchors
 from locfuse.run.survey_result import SurveyResult, read_measured, write_survey, yaml_of
-
-_PARTS = 1000  # of the bar
 
 
 def survey(
@@ -55,10 +53,10 @@ def survey(
             raise ValueError(f"--frame is {frame!r}, expected two anchors, as in A1,A2")
         axes = names[0], names[1]
     table = None if measured is None else read_measured(measured)
-    with progress("parts") as moved:
+    with share_progress() as progress:
         result = survey_anchors(
             parsed, base=base, measured=table, height_m=height, frame=axes, sigma_tag_m=sigma_tag,
-            progress=lambda share: moved(round(share * _PARTS), _PARTS),
+            progress=progress,
         )  # fmt: skip
     _print(result)
     for path in write_survey(result, out):

@@ -52,6 +52,14 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
+@contextmanager
+def share_progress() -> Iterator[Callable[[float], None]]:
+    """Show a progress bar; yield a function of the share that is done, 0 to 1."""
+    parts = 1000
+    with progress("parts") as moved:
+        yield lambda share: moved(round(share * parts), parts)
+
+
 def check_file(file: Path, option: str) -> None:
     """Raise ConfigError before the work if the file cannot be created."""
     if file.is_dir():
