@@ -265,12 +265,12 @@ class Ros(Strict):
     """Topics, frames and units that bags are read by and nodes subscribe to.
 
     `world` names a log folder without messages, relative to the configuration: anchors, landmarks,
-    tags, mounts and map, which override those of topics.
+    tags, mounts and map, which override those of a recording or of topics.
     """
 
     world: Name | None = None
     """Anchors, landmarks, tags, mounts and map as a [log folder](log_format.md); they override
-    topics.
+    those of a recording or of topics.
     """
     topics: Topics = Field(default_factory=Topics)
     """Names of topics."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,28 @@ def read_world(folder: str | Path) -> Log:
         files = ", ".join(f"{stem}.csv" for stem in OF_THE_WORLD)
         raise LogError(f"{folder}: says nothing of the world, expected {files} or log.yaml")
     return Log(tables=tables, grid=grid, **settings)
+
+
+def with_world(log: Log, world: Log) -> Log:
+    """Return a log with what `world` says in place of its own; of lasers only where they are."""
+    tables = {**log.tables, **{stem: world[stem] for stem in OF_THE_WORLD if stem in world}}
+    return replace(
+        log,
+        tables=tables,
+        tags={**log.tags, **world.tags},
+        laser=_placed_as(log.laser, world.laser),
+        lasers={name: _placed_as(laser, world.lasers.get(name, world.laser))
+                for name, laser in log.lasers.items()},
+        landmark_sensor=world.landmark_sensor or log.landmark_sensor,
+        map=log.map if world.grid is None else world.map,
+        grid=log.grid if world.grid is None else world.grid,
+    )  # fmt: skip
+
+
+def _placed_as(laser: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> Any:
+    if laser is None or other is None:
+        return laser
+    return {**laser, "pose_in_body": other["pose_in_body"]}
 
 
 def write_log(log: Log, folder: str | Path) -> None:

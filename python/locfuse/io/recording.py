@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from locfuse.config.ros import Ros
-from locfuse.io.log_folder import read_log, read_world, write_log
+from locfuse.io.log_folder import read_log, read_world, with_world, write_log
 from locfuse.io.rosbag.bags import is_bag, read_bag, write_bag
 from locfuse.types import ConfigError, Log, LogError, nearest
 
@@ -32,15 +32,17 @@ def read_recording(
     """Read a log folder or a bag.
 
     `ros` is what a bag says where, by default the usual topics; ``ros.world`` is relative to
-    `base`. `progress` is called with (bytes read, total bytes) of a bag; `antennas` is as of
-    `read_bag`. Raises LogError as `read_log`, `read_world` or `read_bag`.
+    `base`, and goes before what the recording says of the world. `progress` is called with (bytes
+    read, total bytes) of a bag; `antennas` is as of `read_bag`. Raises LogError as `read_log`,
+    `read_world` or `read_bag`.
     """
     path = Path(path)
-    if not is_bag(path):
-        return read_log(path)
     world = None
     if ros is not None and ros.world is not None:
         world = read_world((Path() if base is None else base) / ros.world)
+    if not is_bag(path):
+        log = read_log(path)
+        return log if world is None else with_world(log, world)
     return read_bag(path, ros, world, progress, antennas=antennas)
 
 

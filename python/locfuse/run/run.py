@@ -16,7 +16,6 @@ from locfuse import _core
 from locfuse.config.schema import EVERYTHING, Dataset, RunConfig, ignored_by, places_antennas
 from locfuse.eval.metrics import metrics
 from locfuse.eval.readiness import readiness
-from locfuse.io.log_folder import read_log
 from locfuse.io.recording import convert_dataset, read_recording
 from locfuse.run.cylinders import with_cylinders
 from locfuse.run.health import health_metrics, health_of, watched_metrics, watched_of
@@ -351,7 +350,7 @@ def load_log(config: RunConfig, base: Path | None, seed: int) -> Log:
             name = config.log.run or next(iter(folders))
             if name not in folders:
                 raise ConfigError(f"log.run: no run {name!r}; {nearest(name, folders)}")
-            return read_log(folders[name])
+            return read_recording(folders[name], config.ros, base)
     if config.log is not None:
         return read_recording(base / config.log, config.ros, base,
                               antennas=places_antennas(config.estimator))  # fmt: skip

@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from locfuse.config.ros import Ros
-from locfuse.io.log_folder import read_log, read_world
+from locfuse.io.log_folder import read_log, read_world, with_world
 from locfuse.io.recording import convert_recording, read_recording
-from locfuse.types import ConfigError, LogError
+from locfuse.types import ConfigError, Log, LogError
 from support_bags import differences, drive, write_messages
 from support_runs import GOOD, locfuse, write_folder
 
@@ -177,3 +178,27 @@ def test_from_python_it_is_the_same_door(tmp_path: Path) -> None:
     assert given[-1][0] == given[-1][1] > 0
     with pytest.raises(ConfigError, match="did you mean 'log'"):
         convert_recording("lgo", tmp_path / "log", tmp_path / "x")
+
+
+def test_a_world_goes_before_what_a_log_folder_says(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "log")
+    world = tmp_path / "world"
+    world.mkdir()
+    (world / "anchors.csv").write_text("anchor,x_m,y_m,z_m\nsouth,9,8,7\n")
+    (world / "log.yaml").write_text("tags: {tag: [0.5, 0, 1]}\n")
+    log = read_recording(folder, Ros(world="world"), tmp_path)
+    assert log["anchors"]["x_m"].tolist() == [9.0]
+    assert log.tags["tag"] == (0.5, 0.0, 1.0)
+    own = read_log(folder)
+    assert log.landmark_sensor == own.landmark_sensor
+    assert (log["odometry"]["stamp_ns"] == own["odometry"]["stamp_ns"]).all()
+    laser = {"angle_min_rad": 0.0, "angle_increment_rad": 0.1, "range_min_m": 0.1,
+             "range_max_m": 9.0}  # fmt: skip
+    log = replace(own, laser={"pose_in_body": [0.0, 0.0, 0.0], **laser},
+                  lasers={"front": {"pose_in_body": [0.0, 0.0, 0.0], **laser}})  # fmt: skip
+    mounted = with_world(log, Log({}, laser={"pose_in_body": [0.3, 0.0, 0.1], "range_max_m": 4.0}))
+    assert mounted.laser == {"pose_in_body": [0.3, 0.0, 0.1], **laser}
+    assert mounted.lasers["front"]["pose_in_body"] == [0.3, 0.0, 0.1]
+    mounted = with_world(log, Log({}, lasers={"rear": {"pose_in_body": [1.0, 0.0, 0.0]}}))
+    assert mounted.laser == log.laser
+    assert mounted.lasers == log.lasers
