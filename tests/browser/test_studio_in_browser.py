@@ -17,6 +17,7 @@ import urllib.parse
 import urllib.request
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -943,3 +944,29 @@ def test_without_one_given_the_token_is_random_and_printed(tmp_path: Path) -> No
         tokens.add(line.partition("token=")[2].strip())
     assert min(map(len, tokens)) >= 32
     assert len(tokens) == 2
+
+
+# Set up --------------------------------------------------------------------------------------
+
+
+def test_a_robot_is_set_up_by_a_recording_and_used_as_the_scene(page: Page, tmp_path: Path) -> None:
+    floor = {"room_m": [10, 8], "map": {"generate": "rooms", "seed": 2}, "path": {"shape": "roam"},
+             "duration_s": 60, "laser": {"range_max_m": 8}, "poses": None}  # fmt: skip
+    log = load_log(parse_config({"simulation": floor}), None, 1)
+    tables = {name: table for name, table in log.tables.items() if name not in ("truth", "anchors")}
+    write_log(replace(log, tables=tables, grid=None, map=None), tmp_path / "drive")
+    page.click("tab-set-up")
+    page.type("setup-path", str(tmp_path / "nowhere"))
+    page.click("setup-go")
+    assert "expected the path of a log folder or a bag" in page.message("setup-path")
+
+    page.type("setup-path", str(tmp_path / "drive"))
+    page.click("setup-go")
+    shown = "[...document.querySelectorAll('[data-testid=robot] img')]"
+    page.browser.wait(f"{shown}.length === 3 && {shown}.every((i) => i.naturalWidth > 100)", 120)
+
+    page.click("setup-use")
+    page.until_scene(lambda scene: scene.get("ros") == {"world": "robots/drive/world"})
+    page.click("tab-run")
+    page.click("run")
+    page.ran()

@@ -570,7 +570,20 @@ class Surveyor {
 
   /// Every place in the plane that fits the samples, the best one first.
   [[nodiscard]] std::vector<Place> places(Id id, const std::vector<Sample>& some) const {
-    const std::optional<KnownHeight> height = height_of(id);
+    if (const std::optional<KnownHeight> known = height_of(id)) {
+      return places_at(some, known->height_m);
+    }
+    std::vector<Place> found = places_at(some, std::nullopt);
+    const auto is_rough = [](const Place& one) { return one.is_rough; };
+    if (is_level() && std::none_of(found.begin(), found.end(), is_rough)) {
+      // Of an anchor near the height of the tags, that says nothing of its place in the plane.
+      found = places_at(some, height_of_tags());
+    }
+    return found;
+  }
+
+  [[nodiscard]] std::vector<Place> places_at(const std::vector<Sample>& some,
+                                             const std::optional<double>& height) const {
     const auto count = static_cast<Eigen::Index>(some.size());
     if (count < 3) {
       return {};
@@ -586,7 +599,7 @@ class Surveyor {
     }
     AnchorTable table{RowsView(rows.data(), count, 3)};
     if (height) {
-      table.height = height->height_m;
+      table.height = *height;
     }
     LocateOptions options;
     options.loss = {RangeLossKind::kCauchy, 0.0};
@@ -599,8 +612,8 @@ class Surveyor {
       Place place{Vector<3>::Zero(), 0.0, false, false};
       place.position.head<2>() = one.position.head<2>();
       // Of the two heights that fit the upper one.
-      place.position.z() = height ? height->height_m
-                                  : height_of_tags() + std::abs(one.position(2) - height_of_tags());
+      place.position.z() =
+          height ? *height : height_of_tags() + std::abs(one.position(2) - height_of_tags());
       const Matrix<2, 2> P = one.covariance.topLeftCorner<2, 2>();
       place.sigma = P.allFinite() ? std::sqrt(std::max(P.trace(), 0.0)) : Tuning::kAnywhere_m;
       const double rough = Tuning::kRough_m + Tuning::kRoughShare * ranges.mean();

@@ -5,18 +5,18 @@ from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import yaml
 
 from locfuse.check.registry import check
 from locfuse.config.load import parse_config
-from locfuse.config.ros import Ros, Topics, plain, types_of
+from locfuse.config.ros import Topics, plain, types_of
 from locfuse.io.recording import read_recording
 from locfuse.io.rosbag.bag_stream import Bag, is_bag
 from locfuse.io.rosbag.decode import MessageError, frame_of
@@ -26,9 +26,10 @@ from locfuse.types import NANOSECONDS, Columns, Log, LogError
 MIN_RANGES = 20  # of a tag and an anchor, to see their scatter
 MAX_PERIOD_S = 1.0  # between them
 LEAST_SIGMA_M = 0.02
+GIVEN = "given"  # where a value comes from
 # Sources whose types say what they are: poses may be of anybody, points of anything.
 BY_TYPE = ("odometry", "imu", "ranges", "positions", "landmark_sightings", "map")
-Lines = Iterator[tuple[str, Any, str]]  # key with its sections, value, where it comes from
+Line: TypeAlias = tuple[str, Any, str]  # key with its sections, value, where it comes from
 
 
 class Proposal(NamedTuple):
@@ -47,16 +48,10 @@ def proposal(path: Path, base: Path, world: str = "world") -> Proposal:
     `base` is the folder in which the configuration will be, `world` that of what has to be filled
     in, if anything. What `check` finds stands at the end. Raises LogError as `read_recording`.
     """
-    topics = dict(_topics(path)) if is_bag(path) else {}
-    named: dict[str, Any] = {key: topic for key, (topic, _) in topics.items()}
-    ros = Ros(topics=Topics(**named))
-    log = read_recording(path, ros, base)
+    lines, log = proposed(path, base)
     files = _gaps(log) if is_bag(path) else {}
-    filled = "to be filled in: where anchors and tags are"
-    lines = [("log", _relative(path, base), "recorded drive; --log overrides it"),
-             *_keys(log),
-             *([("ros.world", world, filled)] if files else []),
-             *((f"ros.topics.{key}", *found) for key, found in topics.items())]  # fmt: skip
+    if files:
+        lines.append(("ros.world", world, "to be filled in: where anchors and tags are"))
     text = "".join(written(lines))
     config = parse_config(yaml.safe_load(text))
     if files:  # of which `check` has nothing else to say
@@ -66,6 +61,46 @@ def proposal(path: Path, base: Path, world: str = "world") -> Proposal:
     if problems:
         text += f"\n# What `locfuse check` says of it:\n{problems}"
     return Proposal(text, files)
+
+
+def proposed(
+    path: Path, base: Path, given: Mapping[str, Any] | None = None
+) -> tuple[list[Line], Log]:
+    """Return the lines of a configuration for a recording, and the recording.
+
+    What is `given` stays as it is. Raises LogError as `read_recording`, ConfigError where that is
+    no part of a configuration.
+    """
+    known = flat(given or {})
+    ros = parse_config({"start": "auto", **(given or {})}).ros
+    topics = dict(_topics(path)) if is_bag(path) else {}
+    topics = {key: found for key, found in topics.items() if key not in ros.topics.model_fields_set}
+    named: dict[str, Any] = {key: topic for key, (topic, _) in topics.items()}
+    named = ros.topics.model_dump(exclude_unset=True) | named
+    log = read_recording(path, ros.model_copy(update={"topics": Topics(**named)}), base)
+    keys = {key for key, _ in known} | {"log"}
+    lines = [line for line in (*_keys(log), *((f"ros.topics.{key}", *found)
+             for key, found in topics.items())) if line[0] not in keys]  # fmt: skip
+    first = [("log", _relative(path, base), "recorded drive; --log overrides it"),
+             *((key, value, GIVEN) for key, value in known if key != "log")]  # fmt: skip
+    return [*first, *lines], log
+
+
+def flat(values: Mapping[str, Any], parents: tuple[str, ...] = ()) -> list[tuple[str, Any]]:
+    """Return the keys of nested sections, joined by dots; what people name stays whole.
+
+    Examples
+    --------
+    >>> flat({"mcl": {}, "estimator": {"range": {"sigma_m": 0.1}}})
+    [('mcl', {}), ('estimator.range.sigma_m', 0.1)]
+    """
+    found: list[tuple[str, Any]] = []
+    for key, value in values.items():
+        if isinstance(value, Mapping) and value and key not in ("anchors", "fields"):
+            found += flat(value, (*parents, key))
+        else:
+            found.append((".".join((*parents, key)), value))
+    return found
 
 
 def _gaps(log: Log) -> dict[str, str]:
@@ -86,7 +121,7 @@ def _gaps(log: Log) -> dict[str, str]:
     return files
 
 
-def _keys(log: Log) -> Lines:
+def _keys(log: Log) -> Iterator[Line]:
     truth = log.tables.get("truth", {})
     is_known = "heading_rad" in truth and len(truth["stamp_ns"]) > 0
     why = "found: the recording has a reference" if is_known else "found without a prior"
@@ -204,7 +239,7 @@ def _relative(path: Path, base: Path) -> str:
     return str(path.relative_to(base)) if path.is_relative_to(base) else str(path)
 
 
-def written(lines: list[tuple[str, Any, str]]) -> Iterator[str]:
+def written(lines: Sequence[Line]) -> Iterator[str]:
     """Yield YAML with a comment for each value; keys of a section must follow one another."""
     open_sections: list[str] = []
     for key, value, why in sorted(lines, key=lambda line: line[0].split(".")[:-1]):

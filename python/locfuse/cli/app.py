@@ -24,6 +24,7 @@ COMMANDS = {
     "replay": "Run a capsule again and compare the results bit for bit.",
     "convert": "Convert between bags, log folders and published recordings.",
     "evaluate": "Compare two trajectories: position error at matching stamps.",
+    "commission": "Set up a robot by one drive: map, anchors, noise, configuration.",
     "map": "Make a map of a drive with a laser.",
     "survey": "Find where anchors and landmarks are, by a drive among them.",
     "tune": "Find noise, latencies and scales by recordings.",

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,7 @@ from locfuse.cli.terminal import check_folder, console, share_progress, visible
 from locfuse.config.load import load_config
 from locfuse.io.maps import read_map
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
-from locfuse.run.mapping import MapResult, make_map, write_map_result
+from locfuse.run.mapping import MapResult, check_resolution, make_map, write_map_result
 
 
 def map(
@@ -33,8 +32,7 @@ def map(
         parsed = with_log(parsed, log, base)
         base = Path()
     check_folder(out)
-    if not math.isfinite(resolution) or not 0.001 <= resolution <= 10.0:
-        raise ValueError(f"--resolution is {resolution:g}, expected 0.001 to 10 m")
+    check_resolution(resolution)
     old = None if onto is None else read_map(onto)
     with share_progress() as progress:
         result = make_map(parsed, base=base, resolution_m=resolution, onto=old, progress=progress)

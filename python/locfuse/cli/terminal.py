@@ -15,7 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.text import Text
 
 from locfuse.types import ConfigError
@@ -58,6 +65,15 @@ def share_progress() -> Iterator[Callable[[float], None]]:
     parts = 1000
     with progress("parts") as moved:
         yield lambda share: moved(round(share * parts), parts)
+
+
+@contextmanager
+def progress_of_parts() -> Iterator[Callable[[str, float], None]]:
+    """Show a progress bar; yield a function of a part's name and its share that is done."""
+    columns = (TextColumn("{task.description:10}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda part, share: bar.update(task, description=part, completed=share)
 
 
 def check_file(file: Path, option: str) -> None:

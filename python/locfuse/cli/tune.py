@@ -64,7 +64,7 @@ def _print(result: TuneResult) -> None:
                       f"{source.after.nis:.2f}, beyond its gate {source.before.outliers:.1%} -> "
                       f"{source.after.outliers:.1%}, log-likelihood {source.before.nats:.2f} -> "
                       f"{source.after.nats:.2f}", soft_wrap=True, highlight=False)  # fmt: skip
-    for sentence in result.findings:
+    for sentence in (*result.findings, *result.comparisons):
         console.print(visible(sentence[:1].upper() + sentence[1:] + "."), soft_wrap=True,
                       highlight=False)  # fmt: skip
     if not result.changes:

@@ -213,10 +213,23 @@ def write_log(log: Log, folder: str | Path) -> None:
         If `read_log` would refuse what was to be written, or if the folder holds log files that
         this log would not replace. Nothing is written then.
     """
-    folder = Path(folder)
-    settings = _settings_of(log)
     columns = {stem: _checked_for_writing(stem, log[stem]) for stem in log.tables}
-    _check_set(columns, settings, "log")
+    _check_set(columns, _settings_of(log), "log")
+    _write(log, columns, Path(folder))
+
+
+def write_world(world: Log, folder: str | Path) -> None:
+    """Write what a log says of the world as a folder that `read_world` reads back.
+
+    Raises LogError as `write_log`.
+    """
+    stems = [stem for stem in OF_THE_WORLD if stem in world]
+    columns = {stem: _checked_for_writing(stem, world[stem]) for stem in stems}
+    _write(world, columns, Path(folder))
+
+
+def _write(log: Log, columns: Mapping[str, Columns], folder: Path) -> None:
+    settings = _settings_of(log)
     names = {f"{stem}.csv" for stem in columns} | ({"log.yaml"} if settings else set())
     for path in sorted(folder.iterdir()) if folder.is_dir() else ():
         if _is_log_file(path) and path.name not in names:

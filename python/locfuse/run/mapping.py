@@ -127,6 +127,7 @@ def make_map(
     ConfigError, LogError
         If the configuration or the log cannot be used as they are.
     """
+    check_resolution(resolution_m)
     log = load_log(config, base, config.seed) if log is None else log
     scans = scans_of(log)
     if not scans:
@@ -150,6 +151,12 @@ def make_map(
     except ValueError as problem:
         raise LogError(f"map of scans: {problem}") from problem
     return _result(made, onto)
+
+
+def check_resolution(resolution_m: float) -> None:
+    """Raise ConfigError where a map cannot be drawn with such cells."""
+    if not 0.001 <= resolution_m <= 10.0:
+        raise ConfigError(f"the resolution is {resolution_m:g}, expected 0.001 to 10 m")
 
 
 def _start(config: RunConfig, log: Log, stamp: int, is_continued: bool) -> _core.PoseEstimate:

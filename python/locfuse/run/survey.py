@@ -44,6 +44,7 @@ SIGMA_OFFSET_M = 0.2
 GOOD_SHARE = 0.5
 _FOUND = ("sigma_anchor_offset_m", "sigma_anchor_scale")
 _SAME_M = 0.05  # nearer than this a mirrored place is no other one
+OF_POSES = "the frame is that of the poses"
 _EXACT = 1e-6  # sigma of the pose that is the frame [m] and [rad]
 
 
@@ -56,6 +57,7 @@ def survey(
     height_m: float | None = None,
     frame: tuple[str, str] | None = None,
     sigma_tag_m: float = 0.0,
+    onto_list: bool = False,
     progress: Progress | None = None,
 ) -> SurveyResult:
     """Find where the anchors and the named landmarks of a log are.
@@ -79,6 +81,8 @@ def survey(
         Anchors that are the origin and on the positive x axis.
     sigma_tag_m : float
         How well the places of tags on the robot are known, forward and left; 0: exactly.
+    onto_list : bool
+        Whether the log's list of anchors is the frame though poses give one.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 
@@ -120,7 +124,7 @@ def survey(
 
     by_ranges = not (_has_places(messages) or np.isin(["odometry", "landmark_sightings"],
                                                       messages.source).any())  # fmt: skip
-    wanted = Wanted(measured, frame, listed, of_start, _has_places(messages),
+    wanted = Wanted(measured, frame, listed, of_start, _has_places(messages) and not onto_list,
                     is_side_open=by_ranges and len(tags) < 2)  # fmt: skip
 
     def found_with(heights: Mapping[int, float]) -> tuple[_core.Survey, Framed]:
@@ -244,8 +248,8 @@ def _start(
 ) -> tuple[_core.PoseEstimate, str]:
     """Return the pose that begins the drive, and the sentence of the frame that it makes."""
     if _has_places(messages):
-        what = "positions" if "positions" in messages.source else "poses"
-        sentence = f"the frame is that of the {what}"
+        is_fix = "positions" in messages.source
+        sentence = "the frame is that of the positions" if is_fix else OF_POSES
         if config.searches_start:
             initializer, _, _ = start_from_nothing(config, log, messages.log, messages.begin_ns,
                                                    _core.AnchorMap([]), tags)  # fmt: skip
@@ -293,11 +297,10 @@ def _surveyed(
     others: dict[int, FloatArray],
 ) -> tuple[SurveyedAnchor, ...]:
     sigma_range = _sigma_of_ranges(settings)
-    offsets = {e.anchor: e for e in found.smoothed.errors if e.name == "anchor_offset_m"}
+    sigmas = {(e.name, e.anchor): e.sigma for e in found.smoothed.errors}
     surveyed = []
     for one in found.anchors:
         name = names[one.anchor.id]
-        error = offsets.get(one.anchor.id)
         if name not in framed.names:
             nowhere = np.full(3, np.nan), np.full((3, 3), np.nan)
             surveyed.append(SurveyedAnchor(name, *nowhere, np.nan, np.nan, one.ranges,
@@ -309,8 +312,9 @@ def _surveyed(
         word = "good" if framed.sigma(row) <= GOOD_SHARE * sigma_range else "weak"
         surveyed.append(SurveyedAnchor(
             name, framed.position[row], P,
-            one.anchor.offset, error.sigma if error is not None else 0.0,
+            one.anchor.offset, sigmas.get(("anchor_offset_m", one.anchor.id), 0.0),
             one.ranges, one.rejected, "two places" if other is not None else word, other,
+            one.anchor.scale, sigmas.get(("anchor_scale", one.anchor.id), 0.0),
         ))  # fmt: skip
     return tuple(surveyed)
 

@@ -30,6 +30,8 @@ class SurveyedAnchor:
         Of the position, square metres; 0 along what was given.
     offset_m, sigma_offset_m : float
         What its ranges read more than the distance.
+    scale, sigma_scale : float
+        What its ranges are times the distance; exact but with ``sigma_anchor_scale``.
     ranges, rejected : int
         From the start on, and of those how many were judged wrong.
     word : str
@@ -48,6 +50,8 @@ class SurveyedAnchor:
     rejected: int
     word: str
     other: FloatArray | None = None
+    scale: float = 1.0
+    sigma_scale: float = 0.0
 
     @property
     def sigma_m(self) -> float:
@@ -160,6 +164,11 @@ def write_survey(result: SurveyResult, folder: Path) -> list[Path]:
 
 
 def yaml_of(result: SurveyResult) -> Mapping[str, Mapping[str, float]]:
-    """Return the section ``anchors`` of a configuration: offsets that stand out of their sigma."""
-    return {a.name: {"offset_m": round(a.offset_m, 3)} for a in result.anchors
-            if a.word != "not placed" and abs(a.offset_m) > 2.0 * a.sigma_offset_m}  # fmt: skip
+    """Return the section ``anchors`` of a configuration: errors that stand out of their sigma."""
+    found: dict[str, dict[str, float]] = {}
+    for a in result.anchors:
+        if a.word != "not placed" and abs(a.offset_m) > 2.0 * a.sigma_offset_m:
+            found.setdefault(a.name, {})["offset_m"] = round(a.offset_m, 3)
+        if a.word != "not placed" and abs(a.scale - 1.0) > 2.0 * a.sigma_scale > 0.0:
+            found.setdefault(a.name, {})["scale"] = round(a.scale, 4)
+    return found

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: a head with what holds for all, and three tabs: world, runs, what to open."""
+"""The page: a head with what holds for all, and tabs: world, runs, robots, what to open."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from nicegui import ui
 from locfuse.studio.document import RefusedError
 from locfuse.studio.open_tab import OpenTab
 from locfuse.studio.run_tab import RunTab
+from locfuse.studio.setup_tab import SetupTab
 from locfuse.studio.studio import Studio
 from locfuse.studio.workspace import NameTakenError
 from locfuse.studio.world_tab import WorldTab
@@ -32,6 +33,7 @@ class StudioPage:
     def __init__(self, studio: Studio) -> None:
         self.studio = studio
         self._seen = (-1, -1)
+        self._setups_seen = -1
         self._world_seen = -1
 
     def build(self) -> None:
@@ -40,6 +42,7 @@ class StudioPage:
         ui.colors(primary="#0072B2", negative="#b04a00", positive="#00694c")
         self.world = WorldTab(self)
         self.run = RunTab(self)
+        self.setup = SetupTab(self)
         self.open = OpenTab(self)
         with ui.element("div").classes("st-head"):
             self._head()
@@ -48,7 +51,8 @@ class StudioPage:
             .classes("st-main")
             .props("keep-alive")
         ):
-            for name, tab in (("World", self.world), ("Run", self.run), ("Open", self.open)):
+            for name, tab in (("World", self.world), ("Run", self.run), ("Set up", self.setup),
+                              ("Open", self.open)):  # fmt: skip
                 with ui.tab_panel(name).style("padding:0; height:100%; overflow:hidden"):
                     tab.build()
         ui.on("studio", lambda event: self.on_event(event.args))
@@ -62,8 +66,8 @@ class StudioPage:
     def _head(self) -> None:
         ui.html("locfuse <span>studio</span>", sanitize=False).classes("st-brand")
         with ui.tabs(value="World").props("dense no-caps indicator-color=primary") as self.tabs:
-            for name in ("World", "Run", "Open"):
-                ui.tab(name).props(f'data-testid="tab-{name.lower()}"')
+            for name in ("World", "Run", "Set up", "Open"):
+                ui.tab(name).props(f'data-testid="tab-{name.lower().replace(" ", "-")}"')
         ui.element("div").classes("st-gap")
         self.name = ui.label().classes("st-quiet ellipsis").style("max-width:260px")
         self.undo = self._button("undo", "Undo (Ctrl+Z)", lambda: self.studio.scene.undo())
@@ -160,6 +164,9 @@ class StudioPage:
         if self._seen != (scene.version, runner.version):
             self._seen = (scene.version, runner.version)
             self.run.refresh()
+        if self._setups_seen != self.studio.setups.version:
+            self._setups_seen = self.studio.setups.version
+            self.setup.refresh()
 
     def call(self, function: str, *arguments: Any) -> None:
         """Call a function of the page's ``studio``, once there is one."""

@@ -41,6 +41,7 @@ def routes(studio: Studio) -> APIRouter:
     _static(router)
     _world(router, studio)
     _runs(router, studio)
+    _robots(router, studio)
     _uploads(router, studio)
     return router
 
@@ -107,12 +108,24 @@ def _runs(router: APIRouter, studio: Studio) -> None:
             except TROUBLE as error:
                 return _wrong(error)
         path = run.file_of(key, name) if name in (*FILES, BAG) else None
-        if path is None:
-            return _not_there(name)
-        if name == "report.html":
-            return FileResponse(path, media_type="text/html", headers={
-                "Content-Security-Policy": _ALONE})  # fmt: skip
-        return FileResponse(path, filename=f"{key}-{name}")
+        return _file(path, name, f"{key}-{name}")
+
+
+def _robots(router: APIRouter, studio: Studio) -> None:
+    @router.get("/robots/{robot}/{name:path}")
+    def file(robot: str, name: str) -> Response:
+        path = studio.setups.file_of(robot, name)
+        return _file(path, name, None if name.endswith(".png") else f"{robot}-{Path(name).name}")
+
+
+def _file(path: Path | None, name: str, download: str | None) -> Response:
+    """Return a file, a report for itself, or that it is not there."""
+    if path is None:
+        return _not_there(name)
+    if path.name == "report.html":
+        return FileResponse(path, media_type="text/html", headers={
+            "Content-Security-Policy": _ALONE})  # fmt: skip
+    return FileResponse(path, filename=download)
 
 
 def _make_bag(folder: Path) -> None:

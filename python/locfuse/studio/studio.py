@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all pages of a studio share: the scene, its folder, its runs."""
+"""What all pages of a studio share: the scene, its folder, its runs, its robots."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from locfuse.studio.ground import Grounds
 from locfuse.studio.runner import Runner
 from locfuse.studio.scene import EMPTY
+from locfuse.studio.setups import Setups
 from locfuse.studio.workspace import Workspace
 
 
@@ -31,6 +32,7 @@ class Studio:
             self.scene.replace(taken)
         self.grounds = Grounds()
         self.runner = Runner(self.workspace.folder / "runs")
+        self.setups = Setups(self.workspace.folder / "robots")
         if unread := self.runner.unread:
             ignored = f"runs/{unread[0]}" + (f"; {len(unread) - 1} more" if unread[1:] else "")
             self.notice = "; ".join(filter(None, (self.notice, f"not read: {ignored}")))
@@ -66,3 +68,4 @@ class Studio:
         self.keep()
         self.grounds.close()
         self.runner.close()
+        self.setups.close()

@@ -17,9 +17,11 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
+from locfuse.commission.commission import commission
 from locfuse.config.load import load_config
 from locfuse.io.rosbag.bags import write_bag
 from locfuse.io.whole import whole_file
+from locfuse.report.commission import write_setup
 from locfuse.report.player import pack
 from locfuse.report.results import write_results
 from locfuse.run.run import run
@@ -123,6 +125,28 @@ def _write_play(result: RunResult, folder: Path, name: str, *, whole: bool) -> N
     text = json.dumps(pack(named, whole=whole), separators=(",", ":"))
     with whole_file(folder / PLAY) as part:
         part.write_bytes(gzip.compress(text.encode(), 6, mtime=0))
+
+
+def set_up(recording: str, folder: str, said: Connection) -> None:
+    """Set up a robot by a recording in a folder of its own.
+
+    Sends ("progress", part, share) on the way, and in the end ("done", what went wrong or "").
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends it
+    reported = ("", -1.0)
+
+    def progress(part: str, share: float) -> None:
+        nonlocal reported
+        if part != reported[0] or share - reported[1] >= _MIN_STEP:
+            reported = (part, share)
+            said.send(("progress", part, share))
+
+    try:
+        found = commission(Path(recording), base=Path(folder), progress=progress)
+        write_setup(found, Path(folder))
+        said.send(("done", ""))
+    except Exception as error:  # reported to the page
+        said.send(("done", " ".join(str(error).split()) or type(error).__name__))
 
 
 def write_bag_of(folder: str, name: str, said: Connection) -> None:

@@ -33,14 +33,14 @@ class Workspace:
     """Folder of a studio; made if it is not there.
 
     It holds ``scene.yaml``, which is the scene as it is now, further scenes under their names, and
-    the folders ``maps``, ``logs`` and ``runs``. Paths in scenes are relative to it. Raises
-    ConfigError if it cannot be made or written.
+    the folders ``maps``, ``logs``, ``runs`` and ``robots``. Paths in scenes are relative to it.
+    Raises ConfigError if it cannot be made or written.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.absolute()
         try:
-            for name in ("maps", "logs", "runs", ".nicegui"):
+            for name in ("maps", "logs", "runs", "robots", ".nicegui"):
                 if (self.folder / name).is_symlink():
                     raise ConfigError(f"--folder {folder}: {name} is a link, which could lead out "
                                       "of it; put a folder there")  # fmt: skip
@@ -228,6 +228,16 @@ class Workspace:
             number += 1
             found = file.with_stem(f"{file.stem}-{number}")
         return found
+
+
+def free_name(folder: Path, name: str) -> str:
+    """Return a plain name for something new in a folder."""
+    plain = _file_name(name)
+    number, found = 1, plain
+    while os.path.lexists(folder / found):
+        number += 1
+        found = f"{plain}-{number}"
+    return found
 
 
 def is_own(file: Path) -> bool:

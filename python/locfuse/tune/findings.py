@@ -26,9 +26,8 @@ def findings(
     answers: Sequence[Judged],
     outliers: Sequence[Outliers],
     held_out: Sequence[HeldOut],
-    driven: Sequence[tuple[Driven, Driven]],
 ) -> Iterator[str]:
-    """Yield what a user should know."""
+    """Yield what a user should know of the recordings."""
     if spacing_s > 0.0:
         yield (f"errors of one anchor or landmark are correlated over about {spacing_s:g} s; only "
                "measurements so far apart were compared")  # fmt: skip
@@ -39,16 +38,6 @@ def findings(
     if margin > 1.0:
         yield (f"what was held out fits worse than what was used, so the sigmas below are "
                f"{margin:.2f} times those found")  # fmt: skip
-    for index, (before, after) in enumerate(driven):
-        which = f" on log {index + 1}" if len(driven) > 1 else ""
-        if np.isfinite(after.position_rmse_m):
-            yield (f"position RMSE{which}: {before.position_rmse_m:.3f} m before, "
-                   f"{after.position_rmse_m:.3f} m after")  # fmt: skip
-        if after.restarts > before.restarts:
-            yield (f"with these the estimator is lost more often{which}: {after.restarts} times, "
-                   f"{before.restarts} before; do not use them")  # fmt: skip
-        elif after.position_rmse_m > _WORSE * before.position_rmse_m:
-            yield f"the position is worse{which}; do not use them"
     rough = [a.quantity.key for a in answers if a.word == "found" and a.value > _ROUGH
              and a.quantity.key.startswith("estimator.odometry.sigma_")]  # fmt: skip
     if rough or any(fit.after.outliers > _ASTRAY for fit in held_out):
@@ -63,3 +52,17 @@ def findings(
         if section is not None and f"{section}." not in keys and off > _WRONG:
             much = "small" if fit.after.nis > 1.0 else "large"
             yield (f"{fit.source} bring sigmas of their own, about {off**0.5:.1f} times too {much}")
+
+
+def comparisons(driven: Sequence[tuple[Driven, Driven]]) -> Iterator[str]:
+    """Yield how the recordings are driven, before and after."""
+    for index, (before, after) in enumerate(driven):
+        which = f" on log {index + 1}" if len(driven) > 1 else ""
+        if np.isfinite(after.position_rmse_m):
+            yield (f"position RMSE{which}: {before.position_rmse_m:.3f} m before, "
+                   f"{after.position_rmse_m:.3f} m after")  # fmt: skip
+        if after.restarts > before.restarts:
+            yield (f"with these the estimator is lost more often{which}: {after.restarts} times, "
+                   f"{before.restarts} before; do not use them")  # fmt: skip
+        elif after.position_rmse_m > _WORSE * before.position_rmse_m:
+            yield f"the position is worse{which}; do not use them"

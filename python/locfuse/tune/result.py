@@ -21,8 +21,9 @@ class TuneResult:
     """Quantities in order of their keys, and how well measurements are predicted.
 
     Measurements of one anchor, landmark or tag that are `spacing_s` apart are independent; 0: all
-    are. `driven` has each recording before and after. `findings` are sentences. `changes` is the
-    part of the configuration that changes, `config` the whole with it.
+    are. `driven` has each recording before and after. `findings` are sentences on the recordings,
+    `comparisons` on how they are driven. `changes` is the part of the configuration that changes,
+    `config` the whole with it.
     """
 
     quantities: tuple[Judged, ...]
@@ -31,6 +32,7 @@ class TuneResult:
     held_out: tuple[HeldOut, ...]
     driven: tuple[tuple[Driven, Driven], ...]
     findings: tuple[str, ...]
+    comparisons: tuple[str, ...]
     changes: dict[str, Any]
     config: RunConfig
 

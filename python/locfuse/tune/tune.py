@@ -12,7 +12,7 @@ import numpy as np
 from locfuse.config.schema import RunConfig
 from locfuse.run.run import load_log
 from locfuse.tune.drive import drive_of, driven
-from locfuse.tune.findings import findings
+from locfuse.tune.findings import comparisons, findings
 from locfuse.tune.held_out import Outliers, held_out, margin_of, outliers
 from locfuse.tune.judge import Judged, judged
 from locfuse.tune.problem import Found, Problem
@@ -95,7 +95,8 @@ def tune(
         outliers=left_out,
         held_out=predicted,
         driven=tuple(drove),
-        findings=tuple(findings(problem.spacing_s, margin, answers, left_out, predicted, drove)),
+        findings=tuple(findings(problem.spacing_s, margin, answers, left_out, predicted)),
+        comparisons=tuple(comparisons(drove)),
         changes=changes(final),
         config=tuned,
     )

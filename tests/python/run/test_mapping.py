@@ -263,7 +263,7 @@ def test_the_command_prints_writes_and_draws(tmp_path: Path) -> None:
     assert again.status == 0, again.err
     assert "m^2 of walls are new" in again.out
     for arguments, sentence in (
-        (("--resolution", "0"), "--resolution is 0, expected 0.001 to 10 m"),
+        (("--resolution", "0"), "the resolution is 0, expected 0.001 to 10 m"),
         (("--onto", tmp_path / "none.yaml"), "none.yaml"),
         (("--log", tmp_path / "nothing"), "nothing"),
     ):

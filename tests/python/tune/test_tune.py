@@ -176,7 +176,7 @@ def test_a_latency_beyond_the_history_makes_room_for_itself() -> None:
     assert result.config.history_s >= 6.0
     before, after = result.driven[0]
     assert after.position_rmse_m < 0.5 * before.position_rmse_m
-    assert any("m before" in text for text in result.findings)
+    assert any("m before" in text for text in result.comparisons)
 
 
 def test_what_is_made_of_scans_is_tuned_and_driven() -> None:

@@ -11,16 +11,17 @@ from locfuse.report.decimation import stride
 from locfuse.report.plot import style
 from locfuse.report.plot.labels import Label, join_same_spot, place_labels
 from locfuse.report.plot.path import draw_ellipse
-from locfuse.report.plot.world import box_around, world_figure
+from locfuse.report.plot.world import box_around, draw_map, drawable, world_figure
 from locfuse.report.text import short
 from locfuse.run.survey_result import SurveyResult
+from locfuse.types import GridMap
 
 _MAX_POINTS = 20000
 _SIGMAS = 3.0
 
 
-def plot_survey(result: SurveyResult) -> Figure:
-    """Draw what a survey found, in its frame, metres.
+def plot_survey(result: SurveyResult, grid: GridMap | None = None) -> Figure:
+    """Draw what a survey found, in its frame, metres, perhaps on a map.
 
     Ellipses are of three standard deviations. An anchor that may also be elsewhere has its other
     place hollow, and a dashed line between both; a star is where a further drive would help.
@@ -33,6 +34,9 @@ def plot_survey(result: SurveyResult) -> Figure:
     low, high = box_around(np.vstack(shown), 0.1, 0.4, 0.9)
     figure, axes = world_figure(low, high, 1.3)
     style.title(axes, result.frame[:1].upper() + result.frame[1:])
+    if grid is not None:
+        draw_map(axes, drawable(grid, (high - low)[0]))
+        axes.grid(visible=False)
     handles: list[style.Handle] = []
     few = way[stride(len(way), _MAX_POINTS)]
     handles += axes.plot(*few.T, color=style.ESTIMATE, lw=1.2, label="drive", zorder=2)

@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Map, anchors, calibration, noise and a configuration, from one drive (docs/commission.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import yaml
+
+from locfuse import NumericalError
+from locfuse.check import check
+from locfuse.check.finding import Finding
+from locfuse.check.proposal import GIVEN, Line, flat, proposed, written
+from locfuse.commission.advice import advice_of
+from locfuse.commission.frame import NEAR_M, laid_onto, pose_at, poses_of
+from locfuse.commission.result import WORLD, Commissioned, says_anything
+from locfuse.config.load import parse_config
+from locfuse.config.schema import RunConfig
+from locfuse.eval.trust import shares
+from locfuse.io.log_folder import OF_THE_WORLD, read_world, with_world
+from locfuse.run.mapping import MapResult, make_map
+from locfuse.run.messages import truth_of
+from locfuse.run.run import run
+from locfuse.run.survey import OF_POSES, survey
+from locfuse.run.survey_result import SurveyResult, yaml_of
+from locfuse.tune.result import TuneResult
+from locfuse.tune.tune import tune
+from locfuse.types import Columns, ConfigError, Log, LogError, RunResult, Trajectory
+
+Progress = Callable[[str, float], None]
+Made = TypeVar("Made")
+
+_TUNED = "tuned"
+_SIGMA_TAG_M = 0.3  # of the place of a tag of which nothing is known
+_SIGMA_SCALE = 0.05  # of what a range is times the distance
+
+
+def commission(
+    path: Path,
+    *,
+    base: Path | None = None,
+    config: Mapping[str, Any] | None = None,
+    resolution_m: float = 0.05,
+    progress: Progress | None = None,
+) -> Commissioned:
+    """Find what a new robot needs from one drive.
+
+    Parameters
+    ----------
+    path : Path
+        Log folder or bag.
+    base : Path, optional
+        Folder in which the configuration will be; paths in it and in `config` are relative to it.
+    config : dict, optional
+        Keys of a configuration that are known; they stay as they are. ``start``, a pose, is where
+        this drive begins, in the frame of all that is found.
+    resolution_m : float
+        Side of a cell of the map, metres.
+    progress : callable, optional
+        Called with (part, share of it that is done).
+
+    Raises
+    ------
+    ConfigError, LogError
+        If the recording cannot be read, or nothing can be made of it.
+    """
+    setup = _Setup.of(path, Path() if base is None else base, dict(config or {}),
+                      progress or (lambda part, share: None))  # fmt: skip
+    setup.assume_tags()
+    setup.find_places(resolution_m)
+    setup.tune()
+    return setup.finished()
+
+
+@dataclass
+class _Setup:
+    """What is known so far."""
+
+    lines: list[Line]
+    recorded: Log
+    progress: Progress
+    world: Log = field(default_factory=lambda: Log({}))
+    map: MapResult | None = None
+    survey: SurveyResult | None = None
+    tuned: TuneResult | None = None
+    missing: list[str] = field(default_factory=list)
+    start: list[float] | None = None  # that is given
+    assumed_tags: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, path: Path, base: Path, given: dict[str, Any], progress: Progress) -> _Setup:
+        progress("read", 0.0)
+        start = given.pop("start", None)
+        lines, log = proposed(path, base, given)
+        setup = cls(lines, log, progress, start=start if isinstance(start, list) else None)
+        world = setup.config().ros.world
+        if world is not None:
+            setup.world = read_world(base / world)
+            setup.lines = [line for line in lines if line[0] != "ros.world"]
+        return setup
+
+    # -- configuration ------------------------------------------------------------------------
+
+    def config(self, **changes: Any) -> RunConfig:
+        """Return the configuration as it is so far, with other sections."""
+        values = yaml.safe_load("".join(written(self.lines)))
+        return parse_config({**values, **changes})
+
+    @property
+    def log(self) -> Log:
+        """The recording in the world that was found."""
+        return with_world(self.recorded, self.world)
+
+    def put(self, key: str, value: Any, why: str) -> None:
+        """Set a key, unless it was given."""
+        if not any(line[0] == key and line[2] == GIVEN for line in self.lines):
+            self.lines = [line for line in self.lines if line[0] != key] + [(key, value, why)]
+
+    def attempt(self, part: str, make: Callable[[], Made]) -> Made | None:
+        """Make a part; say why not where it cannot be."""
+        self.progress(part, 0.0)
+        try:
+            return make()
+        except (ConfigError, LogError, NumericalError, ValueError) as problem:
+            self.missing.append(f"no {part}: {problem}")
+            return None
+
+    # -- places -------------------------------------------------------------------------------
+
+    def assume_tags(self) -> None:
+        """Take tags of which nobody knows the place for those of the body's centre, at first."""
+        ranges = self.recorded.tables.get("ranges", {})
+        named = np.unique(ranges["tag"]).tolist() if len(ranges.get("stamp_ns", ())) else []
+        self.assumed_tags = tuple(name for name in named if name not in self.recorded.tags)
+        tags = {**self.recorded.tags, **dict.fromkeys(self.assumed_tags, (0.0, 0.0, 0.0))}
+        self.recorded = replace(self.recorded, tags=tags)
+
+    def find_places(self, resolution_m: float) -> None:
+        """Make the map and find anchors, in one frame: a given one, else that of the map."""
+        truth = truth_of(self.recorded) if self.start is None else None
+        if truth is not None and truth.heading is None:
+            truth = None
+        begins: Any = self.start or ("truth" if truth is not None else [0.0, 0.0, 0.0])
+        reference = truth or (None if self.start else self._by_positions())
+        if self._has("scans") and self.recorded.grid is None and not self._flies:
+            first = int(self.recorded["scans"]["stamp_ns"].min())
+            known = self.start if truth is None else pose_at(truth, first)
+            self._make_map(known or [0.0, 0.0, 0.0], resolution_m)
+            if known is None and reference is not None:
+                self._lay_map_onto(reference, resolution_m)
+        if not (self._has("ranges") or self._names_landmarks) or self._flies:
+            return
+        log = self.recorded
+        if self.map is not None:
+            log = replace(log, tables={**log.tables, "poses": poses_of(self.map.estimate)})
+        onto_list = "anchors" in log and self.start is None and reference is None
+        self._survey(log, begins, onto_list)
+        if onto_list and self.survey is not None:
+            self._lay_map_onto(self.survey.estimate, resolution_m)
+
+    def _make_map(self, start: list[float], resolution_m: float) -> None:
+        self.map = self.attempt("map", lambda: make_map(
+            self.config(start=start), self.recorded, resolution_m=resolution_m,
+            progress=lambda share: self.progress("map", share)))  # fmt: skip
+        if self.map is not None:
+            self.world = replace(self.world, grid=self.map.grid, map="map.yaml")
+            # The poses of particles are fused with what is received between them.
+            self.put("mcl", {"poses_hz": 2} if self._has("odometry") else {},
+                     "a map was made of the scans")  # fmt: skip
+
+    def _lay_map_onto(self, reference: Trajectory, resolution_m: float) -> None:
+        """Draw the map again, in the frame of another drive."""
+        if self.map is None:
+            return
+        pose = laid_onto(self.map.estimate, reference)
+        if pose is None:
+            self.missing.append("the map has a frame of its own: its drive and that by what gives "
+                                "the frame are not at the same time")  # fmt: skip
+        else:
+            self._make_map(pose, resolution_m)
+
+    def _by_positions(self) -> Trajectory | None:
+        """Return the drive in the frame of positions."""
+        if not self._has("positions"):
+            return None
+        with suppress(ConfigError, LogError, NumericalError, ValueError):
+            return run(self.config(start="auto", mcl=None), self.recorded).estimate
+        return None
+
+    def _survey(self, log: Log, start: Any, onto_list: bool) -> None:
+        estimator = self.config().estimator
+        scale = estimator.calibration.sigma_anchor_scale or _SIGMA_SCALE
+        config = self.config(start=start, mcl=None).model_copy(update={
+            "estimator": estimator.model_copy(update={
+                "calibration": estimator.calibration.model_copy(update={
+                    "sigma_anchor_scale": scale})})})  # fmt: skip
+        self.survey = self.attempt("survey", lambda: survey(
+            config, log, sigma_tag_m=_SIGMA_TAG_M if self.assumed_tags else 0.0,
+            onto_list=onto_list,
+            progress=lambda share: self.progress("survey", share)))  # fmt: skip
+        if self.survey is None:
+            return
+        if self.survey.frame == OF_POSES and self.map is not None:
+            self.survey = replace(self.survey, frame="the frame is that of the map")
+        tables = dict(self.world.tables)
+        if anchors := _anchors(self.survey, self.recorded.tables.get("anchors")):
+            tables["anchors"] = anchors
+        if len(self.survey.landmarks):
+            tables["landmarks"] = _landmarks(self.survey)
+        tags = dict(self.world.tags)
+        for tag in self.survey.tags:
+            tags[tag.name] = (float(tag.position[0]), float(tag.position[1]), 0.0)
+        self.world = replace(self.world, tables=tables, tags=tags)
+        if errors := yaml_of(self.survey):
+            self.put("anchors", errors, "found by the survey")
+
+    # -- noise --------------------------------------------------------------------------------
+
+    def tune(self) -> None:
+        """Find noise and calibration along the drive as it is known now."""
+        log = self.log
+        changes: dict[str, Any] = {"mcl": None}
+        drive = self.map.estimate if self.map is not None else None
+        if drive is None and self.survey is not None:
+            drive = self.survey.estimate
+        if self.map is not None:
+            log = replace(log, tables={**log.tables, "poses": poses_of(self.map.estimate)})
+        elif log.grid is not None and self.config().mcl is not None:
+            changes = {"mcl": {"poses_hz": 1.0}}
+        if drive is not None:
+            x, y = map(float, drive.position[0])
+            heading = 0.0 if drive.heading is None else float(np.rad2deg(drive.heading[0]))
+            changes |= {"start": [x, y, heading], "start_sigma": {"xy_m": 0.1, "heading_deg": 2.0}}
+        self.tuned = self.attempt("tune", lambda: tune(
+            self.config(**changes), [log],
+            progress=lambda done, total: self.progress("tune", done / max(total, 1))))  # fmt: skip
+        if self.tuned is None:
+            return
+        values = {one.quantity.key: one for one in self.tuned.quantities}
+        for key, value in flat(self.tuned.changes):
+            why = _TUNED
+            if key in values:
+                one = values[key]
+                why += f": 95 % {one.low:.3g} to {one.high:.3g} {one.quantity.unit}".rstrip()
+            self.put(key, value, why)
+
+    # -- the end ------------------------------------------------------------------------------
+
+    def finished(self) -> Commissioned:
+        """Drive the recording with what was found, and say what is missing."""
+        if not self._knows_start:
+            self.put("start", [0.0, 0.0, 0.0], "nothing says where the robot is: its first pose")
+        else:
+            self.put("start", "auto", "found anew by each drive")
+        if says_anything(self.world):
+            self.put("ros.world", WORLD, "what was found of the world")
+        drive = self._drive()
+        if self.tuned is not None and drive is not None and _lost(drive) > 0.0:
+            tuned, self.lines = self.lines, [line for line in self.lines if line[2][:5] != _TUNED]
+            other = self._drive()
+            if other is not None and _lost(other) < _lost(drive):
+                drive = other
+                self.missing.append("what was tuned is left out: with it the drive is lost longer")
+            else:
+                self.lines = tuned
+        config, log = self.config(), self.log
+        findings: list[Finding] = []
+        with suppress(ConfigError, LogError):
+            findings = check(config, log).findings
+        result = Commissioned(
+            lines=tuple(self.lines), config=config, world=self.world, checks=tuple(findings),
+            map=self.map, survey=self.survey, tuned=self.tuned, drive=drive,
+            missing=tuple(self.missing),
+        )  # fmt: skip
+        return replace(result, advice=tuple(advice_of(result)))
+
+    def _drive(self) -> RunResult | None:
+        config, log = self.config(), self.log
+        return self.attempt(
+            "drive",
+            lambda: run(
+                config,
+                log,
+                progress=lambda done, total: self.progress("drive", done / max(total, 1)),
+            ),
+        )
+
+    # -- what the recording has ---------------------------------------------------------------
+
+    def _has(self, source: str) -> bool:
+        return len(self.recorded.tables.get(source, {}).get("stamp_ns", ())) > 0
+
+    @property
+    def _names_landmarks(self) -> bool:
+        return self._has("landmark_sightings") and bool(
+            (self.recorded["landmark_sightings"]["landmark"] != "").any())  # fmt: skip
+
+    @property
+    def _flies(self) -> bool:
+        return self.config().estimator.kind == "air"
+
+    @property
+    def _knows_start(self) -> bool:
+        log = self.log
+        has_places = any(stem in log for stem in OF_THE_WORLD) or log.grid is not None
+        return not self._flies and (has_places or self._has("positions") or self._has("poses"))
+
+
+def _lost(drive: RunResult) -> float:
+    """Return the share of the time that a robot was lost."""
+    return 0.0 if drive.health is None else shares(drive.health).get("lost", 0.0)
+
+
+def _anchors(found: SurveyResult, listed: Columns | None) -> Columns:
+    """Return the list of anchors: places that a list has and the drive does not contradict stay."""
+    old = {} if listed is None else {
+        str(name): np.array([listed[axis][row] for axis in ("x_m", "y_m", "z_m")])
+        for row, name in enumerate(listed["anchor"].tolist())}  # fmt: skip
+    places = {a.name: a.position for a in found.anchors if a.word != "not placed"}
+    sigmas = {a.name: a.sigma_m for a in found.anchors}
+    for name, at in old.items():
+        new = places.get(name)
+        if new is None or np.hypot(*(new - at)[:2]) <= max(NEAR_M, 3.0 * sigmas[name]):
+            places[name] = at
+    if not places:
+        return {}
+    at = np.array(list(places.values()))
+    return {"anchor": np.array(list(places), dtype=str), "x_m": at[:, 0].copy(),
+            "y_m": at[:, 1].copy(), "z_m": at[:, 2].copy()}  # fmt: skip
+
+
+def _landmarks(found: SurveyResult) -> Columns:
+    landmarks = found.landmarks
+    P = landmarks.covariance
+    return {"landmark": landmarks.name, "x_m": landmarks.position[:, 0].copy(),
+            "y_m": landmarks.position[:, 1].copy(), "cov_x_x": P[:, 0, 0].copy(),
+            "cov_x_y": P[:, 0, 1].copy(), "cov_y_y": P[:, 1, 1].copy()}  # fmt: skip
