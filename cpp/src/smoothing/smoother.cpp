@@ -81,6 +81,16 @@ Whitened whitened(const Measurement& z, const Pose2& pose, const Measurement::Va
     return found;  // at this point it has no direction
   }
   const auto& lin = measured->by_pose;
+  if (lin.residual.size() == 1 && lin.noise(0, 0) > 0.0) {  // of ranges, which are most
+    const double inverse = 1.0 / std::sqrt(lin.noise(0, 0));
+    found.rows = 1;
+    found.residual(0) = inverse * lin.residual(0);
+    found.by_pose.row(0) = -inverse * lin.jacobian.row(0);
+    if (z.shared[0] >= 0) {
+      found.by_shared.row(0) = -inverse * measured->by_shared.row(0);
+    }
+    return found;
+  }
   const auto factor = lin.noise.llt();
   if (factor.info() != Eigen::Success) {
     throw NumericalError("the noise of a measurement is not positive definite");

@@ -26,6 +26,7 @@ from locfuse.types import NANOSECONDS, Columns, Log, LogError
 MIN_RANGES = 20  # of a tag and an anchor, to see their scatter
 MAX_PERIOD_S = 1.0  # between them
 LEAST_SIGMA_M = 0.02
+_NAMED = ("anchors", "fields", "range_topics")  # sections whose keys people name
 GIVEN = "given"  # where a value comes from
 # Sources whose types say what they are: poses may be of anybody, points of anything.
 BY_TYPE = ("odometry", "imu", "ranges", "positions", "landmark_sightings", "map")
@@ -78,9 +79,10 @@ def proposed(
     named: dict[str, Any] = {key: topic for key, (topic, _) in topics.items()}
     named = ros.topics.model_dump(exclude_unset=True) | named
     log = read_recording(path, ros.model_copy(update={"topics": Topics(**named)}), base)
-    keys = {key for key, _ in known} | {"log"}
+    keys = [f"{key}." for key, _ in known]
     lines = [line for line in (*_keys(log), *((f"ros.topics.{key}", *found)
-             for key, found in topics.items())) if line[0] not in keys]  # fmt: skip
+             for key, found in topics.items()))
+             if not any(key.startswith(f"{line[0]}.") for key in keys)]  # fmt: skip
     first = [("log", _relative(path, base), "recorded drive; --log overrides it"),
              *((key, value, GIVEN) for key, value in known if key != "log")]  # fmt: skip
     return [*first, *lines], log
@@ -96,7 +98,7 @@ def flat(values: Mapping[str, Any], parents: tuple[str, ...] = ()) -> list[tuple
     """
     found: list[tuple[str, Any]] = []
     for key, value in values.items():
-        if isinstance(value, Mapping) and value and key not in ("anchors", "fields"):
+        if isinstance(value, Mapping) and value and key not in _NAMED:
             found += flat(value, (*parents, key))
         else:
             found.append((".".join((*parents, key)), value))

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import yaml
 
 from locfuse import NumericalError, _core
 from locfuse.check import check
@@ -18,15 +17,16 @@ from locfuse.check.finding import Finding
 from locfuse.check.proposal import GIVEN, Line, flat, proposed, written
 from locfuse.commission.advice import advice_of
 from locfuse.commission.frame import NEAR_M, laid_onto, pose_at, poses_of
-from locfuse.commission.result import WORLD, Commissioned, says_anything
-from locfuse.config.load import parse_config
+from locfuse.commission.result import CONFIGURATION, TUNED, WORLD, Commissioned, says_anything
+from locfuse.config.load import parse_config, read_yaml
 from locfuse.config.schema import RunConfig
 from locfuse.eval.trust import shares
-from locfuse.io.log_folder import OF_THE_WORLD, read_world, with_world
+from locfuse.io.log_folder import OF_THE_WORLD, with_world
 from locfuse.run.mapping import MapResult, make_map
 from locfuse.run.messages import truth_of
 from locfuse.run.run import run
-from locfuse.run.survey import OF_POSES, SIGMA_OFFSET_M, survey
+from locfuse.run.survey import OF_ORIGIN, OF_POSES, OF_START, SIGMA_OFFSET_M, survey
+from locfuse.run.survey_frame import NOT_LIKE_THE_LIST, OF_LIST
 from locfuse.run.survey_result import SurveyResult
 from locfuse.tune.result import TuneResult
 from locfuse.tune.tune import tune
@@ -35,8 +35,9 @@ from locfuse.types import Columns, ConfigError, Log, LogError, RunResult, Trajec
 Progress = Callable[[str, float], None]
 Made = TypeVar("Made")
 
-_TUNED = "tuned"
 _START_SIGMA = {"xy_m": 0.1, "heading_deg": 2.0}  # of a drive that was smoothed
+_MOST_SCALE = 0.2  # logarithm of a scale that may be
+_OF_MAP = "the frame is that of the map"
 _SURE = 0.99  # that errors of anchors are none of chance
 _SIGMA_TAG_M = 0.3  # of the place of a tag of which nothing is known
 _SIGMA_SCALE = 0.05  # of what a range is times the distance
@@ -87,14 +88,16 @@ class _Setup:
     lines: list[Line]
     recorded: Log
     progress: Progress
-    world: Log = field(default_factory=lambda: Log({}))
+    world: Log
     map: MapResult | None = None
     survey: SurveyResult | None = None
     tuned: TuneResult | None = None
     missing: list[str] = field(default_factory=list)
     start: list[float] | None = None  # that is given
-    begins: Any = "truth"  # where the drive does, for a survey
+    begins: Any = "auto"  # where the drive does, for a survey
+    is_framed: bool = False  # whether truth, positions or landmarks give the frame
     onto_list: bool = False  # whether the list of anchors is the frame
+    untuned: list[Line] = field(default_factory=list)
     assumed_tags: tuple[str, ...] = ()
 
     @classmethod
@@ -102,18 +105,20 @@ class _Setup:
         progress("read", 0.0)
         start = given.pop("start", None)
         lines, log = proposed(path, base, given)
-        setup = cls(lines, log, progress, start=start if isinstance(start, list) else None)
-        world = setup.config().ros.world
-        if world is not None:
-            setup.world = read_world(base / world)
-            setup.lines = [line for line in lines if line[0] != "ros.world"]
+        world = Log({stem: log[stem] for stem in OF_THE_WORLD if stem in log}, log.tags, log.laser,
+                    log.map, log.grid, landmark_sensor=log.landmark_sensor, lasers=log.lasers
+                    )  # fmt: skip
+        setup = cls(lines, log, progress, world)
+        if not isinstance(start, str | None):
+            setup.start = [float(part) for part in start]
+        setup.lines = [line for line in lines if line[0] != "ros.world"]  # which is in the log now
         return setup
 
     # -- configuration ------------------------------------------------------------------------
 
     def config(self, **changes: Any) -> RunConfig:
         """Return the configuration as it is so far, with other sections."""
-        values = yaml.safe_load("".join(written(self.lines)))
+        values = read_yaml("".join(written(self.lines)), CONFIGURATION)
         return parse_config({**values, **changes})
 
     @property
@@ -123,7 +128,7 @@ class _Setup:
 
     def put(self, key: str, value: Any, why: str) -> None:
         """Set a key, unless it was given."""
-        if not any(line[0] == key and line[2] == GIVEN for line in self.lines):
+        if not any(line[2] == GIVEN and f"{line[0]}.".startswith(f"{key}.") for line in self.lines):
             self.lines = [line for line in self.lines if line[0] != key] + [(key, value, why)]
 
     def attempt(self, part: str, make: Callable[[], Made]) -> Made | None:
@@ -141,8 +146,10 @@ class _Setup:
         """Take tags of which nobody knows the place for those of the body's centre, at first."""
         ranges = self.recorded.tables.get("ranges", {})
         named = np.unique(ranges["tag"]).tolist() if len(ranges.get("stamp_ns", ())) else []
-        self.assumed_tags = tuple(name for name in named if name not in self.recorded.tags)
-        tags = {**self.recorded.tags, **dict.fromkeys(self.assumed_tags, (0.0, 0.0, 0.0))}
+        known = self.recorded.tags
+        self.assumed_tags = tuple(name for name in named if name not in known)
+        up = float(np.mean([place[2] for place in known.values()])) if known else 0.0
+        tags = {**known, **dict.fromkeys(self.assumed_tags, (0.0, 0.0, up))}
         self.recorded = replace(self.recorded, tags=tags)
 
     def find_places(self, resolution_m: float) -> None:
@@ -150,18 +157,23 @@ class _Setup:
         truth = truth_of(self.recorded) if self.start is None else None
         if truth is not None and truth.heading is None:
             truth = None
-        begins: Any = self.start or ("truth" if truth is not None else [0.0, 0.0, 0.0])
-        reference = truth or (None if self.start else self._by_positions())
+        reference = truth if self.start or truth is not None else self._in_known_frame()
+        self.is_framed = reference is not None
+        self.begins = self.start or ("truth" if truth is not None else [0.0, 0.0, 0.0])
+        if reference is not None and truth is None:
+            self.begins = _first_of(reference)
         if self._has("scans") and self.recorded.grid is None and not self._flies:
             first = int(self.recorded["scans"]["stamp_ns"].min())
             known = self.start if truth is None else pose_at(truth, first)
             self._make_map(known or [0.0, 0.0, 0.0], resolution_m)
             if known is None and reference is not None:
                 self._lay_map_onto(reference, resolution_m)
-        if not (self._has("ranges") or self._names_landmarks) or self._flies:
+        seeks = self._has("ranges") or (self._names_landmarks and "landmarks" not in self.recorded)
+        if self._flies or not seeks:
             return
-        self.begins = begins
-        self.onto_list = "anchors" in self.recorded and self.start is None and reference is None
+        self.onto_list = "anchors" in self.recorded and not (
+            self.start or self.is_framed or self._is_on_map
+        )
         self.find_anchors()
         if self.onto_list and self.survey is not None:
             self._lay_map_onto(self.survey.estimate, resolution_m)
@@ -187,36 +199,61 @@ class _Setup:
         else:
             self._make_map(pose, resolution_m)
 
-    def _by_positions(self) -> Trajectory | None:
-        """Return the drive in the frame of positions."""
-        if not self._has("positions"):
+    def _in_known_frame(self) -> Trajectory | None:
+        """Return the drive in the frame of positions, or of landmarks that are listed."""
+        sources = ["positions"] if self._has("positions") else []
+        if "landmarks" in self.recorded and self._has("landmark_sightings"):
+            sources.append("landmark_sightings")
+        if not sources or self._flies:
             return None
         with suppress(ConfigError, LogError, NumericalError, ValueError):
-            return run(self.config(start="auto", mcl=None), self.recorded).estimate
+            config = self.config(start="auto", mcl=None, use=["odometry", *sources])
+            return run(config, self.recorded).estimate
         return None
 
     def find_anchors(self) -> None:
         """Find anchors, landmarks and tags along the drive."""
         log = self._along_map(self.recorded)
         start = self.begins if self.map is None else _first_of(self.map.estimate)
-        config = self._with_errors_of_anchors(start=start, mcl=None)
+        changes: dict[str, Any] = {"start": start, "mcl": None}
+        if self._is_on_map:
+            changes = {"start": self.start or "auto"}
+        config = self._with_errors_of_anchors(**changes)
         self.survey = self.attempt("survey", lambda: survey(
             config, log, sigma_tag_m=_SIGMA_TAG_M if self.assumed_tags else 0.0,
-            onto_list=self.onto_list,
+            uncertain_tags=self.assumed_tags, onto_list=self.onto_list,
             progress=lambda share: self.progress("survey", share)))  # fmt: skip
         if self.survey is None:
             return
-        if self.survey.frame == OF_POSES and self.map is not None:
-            self.survey = replace(self.survey, frame="the frame is that of the map")
+        if self.survey.frame == OF_POSES:
+            self.survey = replace(self.survey, frame=_OF_MAP)
+        elif self.survey.frame == OF_START and self.start is None:
+            self.survey = replace(self.survey, frame=OF_ORIGIN)
+        if self._is_on_map and self.survey.frame != _OF_MAP:
+            self.missing.append("anchors and map are in two frames: particles found no one place "
+                                "on the map; set start in --config")  # fmt: skip
         tables = dict(self.world.tables)
-        if anchors := _anchors(self.survey, self.recorded.tables.get("anchors")):
-            tables["anchors"] = anchors
-        if len(self.survey.landmarks):
+        if any(a.word != "not placed" for a in self.survey.anchors):
+            tables["anchors"] = self._list_of_anchors(self.survey)
+        if len(self.survey.landmarks) and "landmarks" not in tables:
             tables["landmarks"] = _landmarks(self.survey)
         tags = dict(self.world.tags)
         for tag in self.survey.tags:
-            tags[tag.name] = (float(tag.position[0]), float(tag.position[1]), 0.0)
+            up = self.recorded.tags[tag.name][2]
+            tags[tag.name] = (float(tag.position[0]), float(tag.position[1]), up)
         self.world = replace(self.world, tables=tables, tags=tags)
+
+    def _list_of_anchors(self, found: SurveyResult) -> Columns:
+        """Return the anchors found, and of a list in the same frame what is not refuted."""
+        listed = self.recorded.tables.get("anchors")
+        if listed is not None and NOT_LIKE_THE_LIST in found.findings:
+            self.missing.append("no anchors: those of anchors.csv stay, which the drive does not "
+                                "fit")  # fmt: skip
+            return listed
+        if listed is not None and not (self.is_framed or found.frame in (OF_LIST, _OF_MAP)):
+            self.missing.append(f"the places of anchors.csv are not used: {found.frame}")
+            listed = None
+        return _anchors(found, listed)
 
     # -- noise --------------------------------------------------------------------------------
 
@@ -225,12 +262,31 @@ class _Setup:
         drive = self._drive_so_far
         if not self._has("ranges") or "anchors" not in self.world or drive is None:
             return
+        if not self.knows_lengths:
+            self.missing.append("no scale of ranges: nothing but wheels says how far the robot "
+                                "went; list two anchors whose distance is measured")  # fmt: skip
+            return
         config = self._with_errors_of_anchors(
             start=_first_of(drive), start_sigma=_START_SIGMA, mcl=None, smooth=True)  # fmt: skip
         with suppress(ConfigError, LogError, NumericalError, ValueError):
             learnt = run(config, self._along_map(self.log)).metrics["calibration"]
-            if errors := _errors_of(learnt or {}):
+            errors = _errors_of(learnt or {})
+            if any(abs(np.log(error.get("scale", 1.0))) > _MOST_SCALE for error in errors.values()):
+                self.missing.append("no errors of anchors: ranges are not the distances to these "
+                                    "places; are units of anchors.csv metres?")  # fmt: skip
+            elif errors:
                 self.put("anchors", errors, "found by a smoothed drive among them")
+
+    @property
+    def knows_lengths(self) -> bool:
+        """Whether something else than wheels says how far the robot went."""
+        is_laid = self.survey is not None and self.survey.frame in (OF_LIST, _OF_MAP)
+        return self.map is not None or self.is_framed or is_laid
+
+    @property
+    def _is_on_map(self) -> bool:
+        """Whether the recording has a map, on which particles find the drive."""
+        return self.map is None and self.recorded.grid is not None and self.config().mcl is not None
 
     @property
     def _drive_so_far(self) -> Trajectory | None:
@@ -261,7 +317,7 @@ class _Setup:
         """Find noise and calibration along the drive as it is known now."""
         log, drive = self._along_map(self.log), self._drive_so_far
         changes: dict[str, Any] = {"mcl": None}
-        if self.map is None and log.grid is not None and self.config().mcl is not None:
+        if self._is_on_map:
             changes = {"mcl": {"poses_hz": 1.0}}
         if drive is not None:
             changes |= {"start": _first_of(drive), "start_sigma": _START_SIGMA}
@@ -270,9 +326,10 @@ class _Setup:
             progress=lambda done, total: self.progress("tune", done / max(total, 1))))  # fmt: skip
         if self.tuned is None:
             return
+        self.untuned = self.lines
         values = {one.quantity.key: one for one in self.tuned.quantities}
         for key, value in flat(self.tuned.changes):
-            why = _TUNED
+            why = TUNED
             if key in values:
                 one = values[key]
                 why += f": 95 % {one.low:.3g} to {one.high:.3g} {one.quantity.unit}".rstrip()
@@ -282,15 +339,11 @@ class _Setup:
 
     def finished(self) -> Commissioned:
         """Drive the recording with what was found, and say what is missing."""
-        if not self._knows_start:
-            self.put("start", [0.0, 0.0, 0.0], "nothing says where the robot is: its first pose")
-        else:
-            self.put("start", "auto", "found anew by each drive")
-        if says_anything(self.world):
-            self.put("ros.world", WORLD, "what was found of the world")
+        self._put_last()
         drive = self._drive()
         if self.tuned is not None and drive is not None and _lost(drive) > 0.0:
-            tuned, self.lines = self.lines, [line for line in self.lines if line[2][:5] != _TUNED]
+            tuned, self.lines = self.lines, self.untuned
+            self._put_last()
             other = self._drive()
             if other is not None and _lost(other) < _lost(drive):
                 drive = other
@@ -307,6 +360,14 @@ class _Setup:
             missing=tuple(self.missing),
         )  # fmt: skip
         return replace(result, advice=tuple(advice_of(result)))
+
+    def _put_last(self) -> None:
+        if not self._knows_start:
+            self.put("start", [0.0, 0.0, 0.0], "nothing says where the robot is: its first pose")
+        else:
+            self.put("start", "auto", "found anew by each drive")
+        if says_anything(self.world):
+            self.put("ros.world", WORLD, "what is known of the world")
 
     def _drive(self) -> RunResult | None:
         config, log = self.config(), self.log

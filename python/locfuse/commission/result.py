@@ -18,6 +18,7 @@ from locfuse.types import ConfigError, Log, RunResult
 
 CONFIGURATION = "robot.yaml"
 WORLD = "world"
+TUNED = "tuned"  # where a value comes from
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,11 @@ class Commissioned:
     advice: tuple[str, ...] = ()
 
     @property
+    def is_tuned(self) -> bool:
+        """Whether what was tuned is part of the configuration."""
+        return any(why.startswith(TUNED) for _, _, why in self.lines)
+
+    @property
     def yaml(self) -> str:
         """The configuration, a comment beside each value."""
         return "".join(written(self.lines))
@@ -78,7 +84,7 @@ def write_commissioned(result: Commissioned, folder: Path) -> list[Path]:
 
 def check_new(folder: Path) -> None:
     """Raise ConfigError where a robot was set up before."""
-    for path in (folder / CONFIGURATION, folder / WORLD):
+    for path in (folder / name for name in (CONFIGURATION, WORLD, "drive", "report.html")):
         if path.exists():
             raise ConfigError(f"{path}: is there already; name another folder with --out")
 

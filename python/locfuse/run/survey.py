@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,10 @@ SIGMA_OFFSET_M = 0.2
 GOOD_SHARE = 0.5
 _FOUND = ("sigma_anchor_offset_m", "sigma_anchor_scale")
 _SAME_M = 0.05  # nearer than this a mirrored place is no other one
+_SOUGHT = ("ranges", "landmark_sightings")  # which say nothing of where the robot is, yet
 OF_POSES = "the frame is that of the poses"
+OF_START = "the frame is that of `start`"
+OF_ORIGIN = "the origin is where the robot starts, x is its heading there"
 _EXACT = 1e-6  # sigma of the pose that is the frame [m] and [rad]
 
 
@@ -57,6 +60,7 @@ def survey(
     height_m: float | None = None,
     frame: tuple[str, str] | None = None,
     sigma_tag_m: float = 0.0,
+    uncertain_tags: Sequence[str] | None = None,
     onto_list: bool = False,
     progress: Progress | None = None,
 ) -> SurveyResult:
@@ -81,6 +85,8 @@ def survey(
         Anchors that are the origin and on the positive x axis.
     sigma_tag_m : float
         How well the places of tags on the robot are known, forward and left; 0: exactly.
+    uncertain_tags : sequence of str, optional
+        The tags that this is of; None: all.
     onto_list : bool
         Whether the log's list of anchors is the frame though poses give one.
     progress : callable, optional
@@ -105,7 +111,11 @@ def survey(
         raise ConfigError(f"survey is for estimator.kind pose, not {config.estimator.kind}")
     log, listed = _with_names(log, config)
     if config.mcl is not None:
-        log = with_poses_of(localize(config, log), log, config.mcl.poses_hz or 2.0)
+        kept = [source for source in config.use if source not in _SOUGHT]
+        rate_hz = config.mcl.poses_hz or 2.0
+        mcl = config.mcl.model_copy(update={"poses_hz": rate_hz})
+        placed = localize(config.model_copy(update={"use": kept, "mcl": mcl}), log)
+        log = with_poses_of(placed, log, rate_hz)
     messages = to_messages(log, config)
     names = messages.anchor_names
     if measured is not None and frame is not None:
@@ -119,8 +129,10 @@ def survey(
     world = _core.World(anchors, tags, sensor)
     if not 0.0 <= sigma_tag_m < np.inf:
         raise ConfigError(f"the sigma of tags is {sigma_tag_m:g}; expected metres, 0 or more")
+    doubted = messages.tag_names if uncertain_tags is None else uncertain_tags
     arms = [_core.UncertainPlace(tag.id, tag.position, [sigma_tag_m, sigma_tag_m, 0.0], sigma_tag_m)
-            for tag in tags if sigma_tag_m > 0.0]  # fmt: skip
+            for tag in tags
+            if sigma_tag_m > 0.0 and messages.tag_names[tag.id] in doubted]  # fmt: skip
 
     by_ranges = not (_has_places(messages) or np.isin(["odometry", "landmark_sightings"],
                                                       messages.source).any())  # fmt: skip
@@ -167,7 +179,7 @@ def survey(
             *(() if doubts else rejected(surveyed)),
             *long_ranges(surveyed, settings),
         ),
-        tags=_tags(found.smoothed, messages.tag_names) if arms else (),
+        tags=_tags(found.smoothed, messages.tag_names, {arm.id for arm in arms}),
     )
     return advised(result, _sigma_of_ranges(settings), is_side_known=framed.side != 0)
 
@@ -258,12 +270,12 @@ def _start(
     exact = np.diag([_EXACT**2] * 3)
     if isinstance(config.start, tuple):
         given = given_start(config.start, config.start_sigma, messages.begin_ns)
-        sentence = "the frame is that of `start`"
+        sentence = OF_START
     elif config.start == "truth" and (truth := truth_of(log)) is not None:
         given, sentence = start_of(config, truth, messages), "the frame is that of truth.csv"
     else:
         given = given_start((0.0, 0.0, 0.0), config.start_sigma, messages.begin_ns)
-        sentence = "the origin is where the robot starts, x is its heading there"
+        sentence = OF_ORIGIN
     return _core.PoseEstimate(given.stamp, given.pose, exact), sentence
 
 
@@ -354,12 +366,15 @@ def _landmarks(smoothed: _core.Smoothed, messages: Messages, framed: Framed) -> 
     return MappedLandmarks(called, at, np.array(blocks).reshape(-1, 2, 2), sightings)
 
 
-def _tags(smoothed: _core.Smoothed, names: list[str]) -> tuple[SurveyedTag, ...]:
+def _tags(
+    smoothed: _core.Smoothed, names: list[str], sought: Container[int]
+) -> tuple[SurveyedTag, ...]:
     P = np.asarray(smoothed.places_covariance)
     first = len(P) - 2 * len(smoothed.tags)
     found = []
     for row, tag in enumerate(smoothed.tags):
         at = slice(first + 2 * row, first + 2 * row + 2)
         sigma = float(np.sqrt(np.linalg.eigvalsh(P[at, at])[-1]))
-        found.append(SurveyedTag(names[tag.id], np.array(tag.position[:2]), sigma))
+        if tag.id in sought:
+            found.append(SurveyedTag(names[tag.id], np.array(tag.position[:2]), sigma))
     return tuple(found)

@@ -11,6 +11,9 @@ import numpy as np
 
 from locfuse.types import Columns, FloatArray, LogError
 
+OF_LIST = "the frame is that of anchors.csv, onto which the survey is laid as a whole"
+NOT_LIKE_THE_LIST = ("the anchors found do not lie to one another as anchors.csv says: is it of "
+                     "another place, or are units or odometry wrong?")  # fmt: skip
 _MEASURED_M = 0.02  # sigma of a coordinate that was measured by hand
 _SLACK_M = 0.1  # of what is still no contradiction
 _OFF_M = 0.3  # a place nearer to the list than this is the list's
@@ -165,8 +168,7 @@ def differences(framed: Framed, listed: Columns | None) -> tuple[str, ...]:
         return ()
     rows = _recognized(framed.names, framed.position, framed.covariance, listed)
     if len(rows) < 2 or (len(rows) == 2 and len(places) > 3):
-        return ("the anchors found do not lie to one another as anchors.csv says: is it of "
-                "another place, or are units or odometry wrong?",)  # fmt: skip
+        return (NOT_LIKE_THE_LIST,)
     laid = _onto_list(framed.names, framed.position, framed.covariance, rows, _listed(listed))
     at = {name: laid.position[i, :2] for i, name in enumerate(laid.names)}
     sigma = {name: laid.sigma(i) for i, name in enumerate(laid.names)}
@@ -226,8 +228,7 @@ def _onto_list(
 ) -> Framed:  # fmt: skip
     mine = [names.index(name) for name in rows]
     theirs = np.array([places[place] for place in rows.values()])
-    sentence = "the frame is that of anchors.csv, onto which the survey is laid as a whole"
-    return _laid(names, position, covariance, sentence, lambda at: _fit(at[mine, :2], theirs))
+    return _laid(names, position, covariance, OF_LIST, lambda at: _fit(at[mine, :2], theirs))
 
 
 def _onto_axis(at: FloatArray, a: int, b: int) -> FloatArray:
@@ -328,7 +329,14 @@ def stands_for(framed: Framed, listed: Columns | None) -> dict[str, str]:
     if listed is None:
         return {}
     rows = _recognized(framed.names, framed.position, framed.covariance, listed)
-    return {name: place for name, place in rows.items() if name != place}
+    found = {name: place for name, place in rows.items() if name != place}
+    # One that is not recognized, as its height is wrong, may be in the place of the one in its.
+    free = {
+        place: name
+        for name, place in found.items()
+        if place in framed.names and place not in rows and name not in rows.values()
+    }
+    return found | free
 
 
 def _recognized(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from locfuse.commission.commission import commission
 from locfuse.commission.frame import laid_onto, pose_at
@@ -55,6 +56,11 @@ def set_up(log: Log, folder: Path, **config: Any) -> Commissioned:
     result = commission(folder / "drive", base=folder / "robot", config=config)
     write_commissioned(result, folder / "robot")
     return result
+
+
+def commission_of(log: Log, folder: Path) -> Commissioned:
+    write_log(log, folder)
+    return commission(folder, base=folder)
 
 
 def drives(folder: Path, log: Log, **changes: Any) -> RunResult:
@@ -150,7 +156,7 @@ def test_what_a_recording_lacks_is_one_sentence(tmp_path: Path) -> None:
     found = set_up(bare(drive(1), *OF_THE_WORLD, "scans", "ranges"), tmp_path)
     assert found.map is None
     assert found.survey is None
-    assert not (tmp_path / "robot" / "world").exists()
+    assert found.world.grid is None
     assert found.config.start == (0.0, 0.0, 0.0)
     assert len(found.missing) == 1
     assert "no tune: " in found.missing[0]
@@ -206,6 +212,93 @@ def test_the_command_prints_writes_and_draws(tmp_path: Path) -> None:
     assert (out / "drive" / "report.html").exists()
     sentence = locfuse("commission", tmp_path / "drive", "--out", out).sentence()
     assert sentence.endswith("robot.yaml: is there already; name another folder with --out")
+
+
+def test_positions_are_the_frame_of_map_and_anchors(tmp_path: Path) -> None:
+    gps = {**FLOOR, "positions": {"rate_hz": 2, "sigma_xy_m": 0.1}}
+    log = load_log(parse_config({"simulation": gps, "seed": 1}), None, 1)
+    found = set_up(bare(log, *OF_THE_WORLD), tmp_path)
+    at = dict(zip(found.world["anchors"]["anchor"].tolist(),
+                  zip(found.world["anchors"]["x_m"], found.world["anchors"]["y_m"], strict=True),
+                  strict=True))  # fmt: skip
+    for name, place in FLOOR["anchors"].items():
+        assert np.hypot(at[name][0] - place[0], at[name][1] - place[1]) < 0.3
+    assert found.map is not None
+    truth = truth_of(log)
+    assert truth is not None
+    laid = laid_onto(found.map.estimate, truth)
+    assert laid is not None
+    assert np.hypot(*(found.map.estimate.position[0] - laid[:2])) < 0.2
+
+
+def test_a_map_that_is_there_is_the_frame_of_anchors(tmp_path: Path) -> None:
+    log = drive(1)
+    without = {name: table for name, table in log.tables.items() if name not in OF_THE_WORLD}
+    found = set_up(replace(log, tables=without), tmp_path, start=start_of(log))
+    assert found.map is None
+    assert found.survey is not None
+    assert found.survey.frame == "the frame is that of the map"
+    for name, x, y in zip(*(found.world["anchors"][key].tolist() for key in
+                            ("anchor", "x_m", "y_m")), strict=True):  # fmt: skip
+        assert np.hypot(x - FLOOR["anchors"][name][0], y - FLOOR["anchors"][name][1]) < 0.3
+    assert drives(tmp_path, bare(drive(2), "anchors")).metrics["position_rmse_m"] < 0.1
+
+
+def test_tags_that_are_known_stay(tmp_path: Path) -> None:
+    tags = {"t1": [0.3, -0.2, 0.9], "t2": [-0.3, 0.2, 0.9]}
+    config = parse_config({"simulation": {**FLOOR, "tags": tags}})
+    log = bare(load_log(config, None, 1), "truth", "scans")
+    found = set_up(replace(log, tags={"t1": (0.3, -0.2, 0.9)}), tmp_path)
+    assert found.world.tags["t1"] == (0.3, -0.2, 0.9)
+    assert found.world.tags["t2"] == pytest.approx((-0.3, 0.2, 0.9), abs=0.1)
+
+
+def test_a_list_in_another_unit_or_frame_is_named(tmp_path: Path) -> None:
+    log = bare(drive(1), "scans")
+    cm = {key: column if key == "anchor" else 100.0 * column
+          for key, column in log["anchors"].items()}  # fmt: skip
+    found = set_up(replace(log, tables={**log.tables, "anchors": cm}), tmp_path)
+    assert "anchors" not in {line[0] for line in found.lines}
+    assert any("units of anchors.csv" in text or "anchors.csv stay" in text
+               or "no survey" in text for text in (*found.missing, *(
+                   found.survey.findings if found.survey else ())))  # fmt: skip
+    one = {key: column[:1] for key, column in log["anchors"].items()}
+    tables = {name: table for name, table in log.tables.items() if name != "truth"}
+    found = commission_of(replace(log, tables={**tables, "anchors": one}), tmp_path / "one")
+    assert any(text.startswith("the places of anchors.csv are not used") for text in found.missing)
+    assert any(text.startswith("no scale of ranges") for text in found.missing)
+
+
+def test_landmarks_that_are_listed_stay_and_are_the_frame(tmp_path: Path) -> None:
+    posts = {**FLOOR, "landmarks": {"L1": [2, 2], "L2": [14, 3], "L3": [14, 10], "L4": [3, 9]},
+             "landmark_sightings": {"landmarks": "named"}, "laser": None, "ranges": None,
+             "map": None, "path": {"shape": "waypoints"}}  # fmt: skip
+    log = load_log(parse_config({"simulation": posts, "seed": 1}), None, 1)
+    found = set_up(bare(log, *OF_THE_WORLD), tmp_path)
+    assert found.world["landmarks"]["x_m"].tolist() == [2.0, 14.0, 14.0, 3.0]
+
+
+def test_what_is_given_stays_even_at_its_default(tmp_path: Path) -> None:
+    write_log(bare(drive(1), "truth", "scans"), tmp_path / "drive")
+    known = {"estimator": {"odometry": {"distance_scale": 1.0}}, "mcl": {"min_particles": 300},
+             "ros": {"range_topics": {"a.1": "/r/a", "no": "/r/b"}}}  # fmt: skip
+    (tmp_path / "known.yaml").write_text(yaml.safe_dump(known))
+    out = tmp_path / "robot"
+    said = locfuse("commission", tmp_path / "drive", "--out", out, "--config",
+                   tmp_path / "known.yaml")  # fmt: skip
+    assert said.status == 0, said.err
+    config = load_config(out / "robot.yaml")
+    assert config.estimator.odometry.distance_scale == 1.0
+    assert config.mcl is not None
+    assert config.mcl.min_particles == 300
+    assert config.ros.range_topics == {"a.1": "/r/a", "no": "/r/b"}
+
+
+def test_a_recording_is_not_written_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_log(bare(drive(1), "scans"), tmp_path / "drive")
+    monkeypatch.chdir(tmp_path)
+    sentence = locfuse("commission", "drive", "--out", ".").sentence()
+    assert sentence == "drive: is there already; name another folder with --out"
 
 
 @pytest.mark.parametrize(
