@@ -21,7 +21,7 @@ from locfuse.commission.result import CONFIGURATION, TUNED, WORLD, Commissioned,
 from locfuse.config.load import parse_config, read_yaml
 from locfuse.config.schema import RunConfig
 from locfuse.eval.trust import shares
-from locfuse.io.log_folder import OF_THE_WORLD, with_world
+from locfuse.io.log_folder import OF_THE_WORLD, read_world, with_world
 from locfuse.run.mapping import MapResult, make_map
 from locfuse.run.messages import truth_of
 from locfuse.run.run import run
@@ -105,10 +105,14 @@ class _Setup:
         progress("read", 0.0)
         start = given.pop("start", None)
         lines, log = proposed(path, base, given)
-        world = Log({stem: log[stem] for stem in OF_THE_WORLD if stem in log}, log.tags, log.laser,
-                    log.map, log.grid, landmark_sensor=log.landmark_sensor, lasers=log.lasers
-                    )  # fmt: skip
-        setup = cls(lines, log, progress, world)
+        setup = cls(lines, log, progress, Log({}))
+        folder = setup.config().ros.world
+        # Mounts only as far as they were given: a recording brings those of its own.
+        mounts = Log({}) if folder is None else read_world(base / folder)
+        setup.world = replace(
+            mounts, tables={stem: log[stem] for stem in OF_THE_WORLD if stem in log},
+            tags=log.tags, map=log.map, grid=log.grid,
+        )  # fmt: skip
         if not isinstance(start, str | None):
             setup.start = [float(part) for part in start]
         setup.lines = [line for line in lines if line[0] != "ros.world"]  # which is in the log now
@@ -161,7 +165,7 @@ class _Setup:
         self.is_framed = reference is not None
         self.begins = self.start or ("truth" if truth is not None else [0.0, 0.0, 0.0])
         if reference is not None and truth is None:
-            self.begins = _first_of(reference)
+            self.begins = "auto" if self._has("positions") else _first_of(reference)
         if self._has("scans") and self.recorded.grid is None and not self._flies:
             first = int(self.recorded["scans"]["stamp_ns"].min())
             known = self.start if truth is None else pose_at(truth, first)

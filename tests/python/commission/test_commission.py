@@ -231,6 +231,15 @@ def test_positions_are_the_frame_of_map_and_anchors(tmp_path: Path) -> None:
     assert np.hypot(*(found.map.estimate.position[0] - laid[:2])) < 0.2
 
 
+def test_positions_without_scans_are_the_frame_of_anchors(tmp_path: Path) -> None:
+    gps = {**FLOOR, "positions": {"rate_hz": 2, "sigma_xy_m": 0.1}}
+    log = load_log(parse_config({"simulation": gps, "seed": 1}), None, 1)
+    found = set_up(bare(log, *OF_THE_WORLD, "scans"), tmp_path)
+    for name, x, y in zip(*(found.world["anchors"][key].tolist() for key in
+                            ("anchor", "x_m", "y_m")), strict=True):  # fmt: skip
+        assert np.hypot(x - FLOOR["anchors"][name][0], y - FLOOR["anchors"][name][1]) < 0.5
+
+
 def test_a_map_that_is_there_is_the_frame_of_anchors(tmp_path: Path) -> None:
     log = drive(1)
     without = {name: table for name, table in log.tables.items() if name not in OF_THE_WORLD}
