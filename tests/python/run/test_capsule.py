@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import load_config, parse_config
+from locfuse.io.log_folder import write_world
 from locfuse.run.capsule import (
     Capsule,
     differences,
@@ -25,7 +26,7 @@ from locfuse.run.capsule import (
     write_capsule,
 )
 from locfuse.run.run import load_log, run
-from locfuse.types import ConfigError, LogError
+from locfuse.types import ConfigError, Log, LogError
 from support_runs import CONFIGS, locfuse, room, write_folder
 
 LATE = {
@@ -281,11 +282,19 @@ def test_a_configuration_that_leads_out_of_the_capsule_is_refused(
         read_capsule(packed(files, tmp_path / "out.zip"))
 
 
-def test_a_world_beside_the_configuration_is_not_named_in_the_capsule(tmp_path: Path) -> None:
+def test_a_world_beside_the_configuration_is_in_the_log_of_the_capsule(tmp_path: Path) -> None:
     write_folder(tmp_path / "log")
+    anchors = {"anchor": ["A"], "x_m": [9.0], "y_m": [8.0], "z_m": [2.0]}
+    write_world(
+        Log({"anchors": {name: np.asarray(column) for name, column in anchors.items()}}),
+        tmp_path / "world",
+    )
     config = parse_config({"log": "log", "start": "truth", "ros": {"world": "world"}})
     write_capsule(make_capsule(config, base=tmp_path), tmp_path / "c.zip")
-    assert replay_capsule(read_capsule(tmp_path / "c.zip")) == []
+    capsule = read_capsule(tmp_path / "c.zip")
+    assert capsule.config.ros.world is None
+    assert list(capsule.log["anchors"]["x_m"]) == [9.0]
+    assert replay_capsule(capsule) == []
 
 
 def test_a_link_is_unpacked_as_the_text_that_it_is(path: Path, tmp_path: Path) -> None:
