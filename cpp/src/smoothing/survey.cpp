@@ -26,12 +26,11 @@ namespace {
 struct Tuning {
   static constexpr double kFirstPart_s = 20.0;  ///< of the drive, by which what is near is placed
   static constexpr double kGrowth = 1.4;        ///< of each further part
-  static constexpr double kOptimistic =
-      0.25;                                   ///< of the sigma of a drive, where nothing else helps
-  static constexpr int kSamples = 60;         ///< ranges by which an anchor is first placed
-  static constexpr double kAnywhere_m = 1e4;  ///< sigma of a place of which nothing is known
-  static constexpr double kClimb_m = 7.0;     ///< sigma of the height of an anchor over the tags
-  static constexpr double kLevel_m = 1e-3;    ///< of tags at one height
+  static constexpr double kOptimistic = 0.25;   ///< of the sigma of a drive, as a last resort
+  static constexpr int kSamples = 60;           ///< ranges by which an anchor is first placed
+  static constexpr double kAnywhere_m = 1e4;    ///< sigma of a place of which nothing is known
+  static constexpr double kClimb_m = 7.0;       ///< sigma of the height of an anchor over the tags
+  static constexpr double kLevel_m = 1e-3;      ///< of tags at one height
   static constexpr std::size_t kMostRanges = 30000;
   static constexpr int kEpochs = 300;          ///< by which ranges are unfolded
   static constexpr double kGap_s = 1.0;        ///< between two ranges of an epoch

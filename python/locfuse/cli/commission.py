@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -12,8 +12,8 @@ from locfuse.cli.inputs import with_log
 from locfuse.cli.terminal import check_folder, console, progress_of_parts, visible
 from locfuse.commission.commission import commission as set_up
 from locfuse.commission.result import CONFIGURATION, Commissioned, check_new
+from locfuse.config.base import given_keys
 from locfuse.config.load import load_config
-from locfuse.config.schema import RunConfig
 from locfuse.eval.trust import sentence
 from locfuse.report.commission import write_setup
 from locfuse.run.mapping import check_resolution
@@ -31,7 +31,7 @@ def commission(
     check_new(out)
     check_folder(out)
     check_resolution(resolution)
-    given = {} if config is None else _given(with_log(load_config(config), log, config.parent))
+    given = {} if config is None else given_keys(with_log(load_config(config), log, config.parent))
     with progress_of_parts() as progress:
         result = set_up(log, base=out, config=given, resolution_m=resolution, progress=progress)
     files = write_setup(result, out)
@@ -40,12 +40,6 @@ def commission(
         console.print(f"written: {path}", soft_wrap=True)
     if result.drive is not None:
         _say(f"next: locfuse run {out / CONFIGURATION} --log ANOTHER_DRIVE")
-
-
-def _given(config: RunConfig) -> dict[str, Any]:
-    """Return the keys that a file has, also those at their defaults."""
-    keys = config.model_dump(mode="json", exclude_unset=True)
-    return {key: value for key, value in keys.items() if value not in (None, {})}
 
 
 def _print(result: Commissioned) -> None:

@@ -16,7 +16,7 @@ from locfuse.check import check
 from locfuse.check.finding import Finding
 from locfuse.check.proposal import GIVEN, Line, flat, proposed, written
 from locfuse.commission.advice import advice_of
-from locfuse.commission.frame import NEAR_M, laid_onto, pose_at, poses_of
+from locfuse.commission.frame import laid_onto, pose_at, poses_of
 from locfuse.commission.result import CONFIGURATION, TUNED, WORLD, Commissioned, says_anything
 from locfuse.config.load import parse_config, read_yaml
 from locfuse.config.schema import RunConfig
@@ -26,8 +26,8 @@ from locfuse.run.mapping import MapResult, make_map
 from locfuse.run.messages import truth_of
 from locfuse.run.run import run
 from locfuse.run.survey import OF_ORIGIN, OF_POSES, OF_START, SIGMA_OFFSET_M, survey
-from locfuse.run.survey_frame import NOT_LIKE_THE_LIST, OF_LIST
-from locfuse.run.survey_result import SurveyResult
+from locfuse.run.survey_frame import NOT_LIKE_THE_LIST, OF_LIST, limit_of
+from locfuse.run.survey_result import SurveyResult, landmarks_table
 from locfuse.tune.result import TuneResult
 from locfuse.tune.tune import tune
 from locfuse.types import Columns, ConfigError, Log, LogError, RunResult, Trajectory
@@ -240,7 +240,7 @@ class _Setup:
         if any(a.word != "not placed" for a in self.survey.anchors):
             tables["anchors"] = self._list_of_anchors(self.survey)
         if len(self.survey.landmarks) and "landmarks" not in tables:
-            tables["landmarks"] = _landmarks(self.survey)
+            tables["landmarks"] = landmarks_table(self.survey.landmarks)
         tags = dict(self.world.tags)
         for tag in self.survey.tags:
             up = self.recorded.tags[tag.name][2]
@@ -439,18 +439,10 @@ def _anchors(found: SurveyResult, listed: Columns | None) -> Columns:
     sigmas = {a.name: a.sigma_m for a in found.anchors}
     for name, at in old.items():
         new = places.get(name)
-        if new is None or np.hypot(*(new - at)[:2]) <= max(NEAR_M, 3.0 * sigmas[name]):
+        if new is None or np.hypot(*(new - at)[:2]) <= limit_of(sigmas[name]):
             places[name] = at
     if not places:
         return {}
     at = np.array(list(places.values()))
     return {"anchor": np.array(list(places), dtype=str), "x_m": at[:, 0].copy(),
             "y_m": at[:, 1].copy(), "z_m": at[:, 2].copy()}  # fmt: skip
-
-
-def _landmarks(found: SurveyResult) -> Columns:
-    landmarks = found.landmarks
-    P = landmarks.covariance
-    return {"landmark": landmarks.name, "x_m": landmarks.position[:, 0].copy(),
-            "y_m": landmarks.position[:, 1].copy(), "cov_x_x": P[:, 0, 0].copy(),
-            "cov_x_y": P[:, 0, 1].copy(), "cov_y_y": P[:, 1, 1].copy()}  # fmt: skip

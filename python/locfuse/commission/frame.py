@@ -9,7 +9,6 @@ from locfuse.eval.dead_reckoning import align
 from locfuse.eval.errors import interpolate
 from locfuse.types import NANOSECONDS, Columns, Trajectory, wrap_angle
 
-NEAR_M = 0.3  # a place nearer to a list than this is the list's
 _LEAST_M = 1.0  # of a drive that shows how it is turned
 _RATE_HZ = 2.0  # of the poses of a drive by which something else is found
 

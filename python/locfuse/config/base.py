@@ -91,6 +91,12 @@ def changed_keys(model: BaseModel) -> dict[str, Any]:
     return found
 
 
+def given_keys(model: BaseModel) -> dict[str, Any]:
+    """Return what was given, as YAML has it, also where it is the default or an empty section."""
+    written = model.model_dump(mode="json", exclude_unset=True)
+    return {key: value for key, value in written.items() if value is not None}
+
+
 def _changed(value: Any) -> Any:
     if isinstance(value, BaseModel):
         return changed_keys(value)

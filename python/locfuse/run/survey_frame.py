@@ -172,7 +172,7 @@ def differences(framed: Framed, listed: Columns | None) -> tuple[str, ...]:
     laid = _onto_list(framed.names, framed.position, framed.covariance, rows, _listed(listed))
     at = {name: laid.position[i, :2] for i, name in enumerate(laid.names)}
     sigma = {name: laid.sigma(i) for i, name in enumerate(laid.names)}
-    limit = {name: max(_OFF_M, 3.0 * sigma[name]) for name in at}
+    limit = {name: limit_of(sigma[name]) for name in at}
     off = [name for name in places if np.hypot(*(at[name] - places[name])) > limit[name]]
     stands_at: dict[str, str] = {}
     for name in off:
@@ -195,6 +195,11 @@ def differences(framed: Framed, listed: Columns | None) -> tuple[str, ...]:
                          f"{sigma[name]:.2f} m): it was moved, or its place or height is "
                          "wrong")  # fmt: skip
     return tuple(sentences)
+
+
+def limit_of(sigma_m: float) -> float:
+    """Return how far a place may be from that of a list which it does not refute, metres."""
+    return max(_OFF_M, 3.0 * sigma_m)
 
 
 def _listed(table: Columns) -> dict[str, FloatArray]:

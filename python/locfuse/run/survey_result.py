@@ -155,12 +155,18 @@ def write_survey(result: SurveyResult, folder: Path) -> list[Path]:
         write_table(written[-1], ("anchor", *AXES), columns)
     found = result.landmarks
     if len(found):
-        P = found.covariance
-        numbers = (*found.position.T, P[:, 0, 0], P[:, 0, 1], P[:, 1, 1])
+        table = landmarks_table(found)
+        name, *numbers = table.values()
         written.append(folder / "landmarks.csv")
-        write_table(written[-1], ("landmark", "x_m", "y_m", "cov_x_x", "cov_x_y", "cov_y_y"),
-                    [found.name.tolist(), *map(number_texts, numbers)])  # fmt: skip
+        write_table(written[-1], tuple(table), [name.tolist(), *map(number_texts, numbers)])
     return written
+
+
+def landmarks_table(found: MappedLandmarks) -> Columns:
+    """Return landmarks as the table ``landmarks`` of a log."""
+    (x, y), P = found.position.T.copy(), found.covariance
+    return {"landmark": found.name, "x_m": x, "y_m": y, "cov_x_x": P[:, 0, 0].copy(),
+            "cov_x_y": P[:, 0, 1].copy(), "cov_y_y": P[:, 1, 1].copy()}  # fmt: skip
 
 
 def yaml_of(result: SurveyResult) -> Mapping[str, Mapping[str, float]]:

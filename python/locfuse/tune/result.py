@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from locfuse.config.base import given_keys
 from locfuse.config.schema import RunConfig
 from locfuse.tune.drive import Driven
 from locfuse.tune.held_out import HeldOut, Outliers
@@ -52,8 +53,7 @@ class TuneResult:
     @staticmethod
     def whole_yaml(config: RunConfig, base: Path) -> str:
         """Return a configuration as a file of any folder; its paths are relative to `base`."""
-        written = {key: value for key, value in config.model_dump(mode="json", exclude_unset=True)
-                   .items() if value not in (None, {})}  # fmt: skip
+        written = given_keys(config)
         for parents, key in (((), "log"), (("log",), "path"), (("ros",), "world")):
             node = written
             for parent in parents:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
+from locfuse.config.base import given_keys
 from locfuse.config.load import load_config, parse_config
 from locfuse.types import ConfigError
 from support_runs import CONFIGS, EXAMPLES
@@ -166,3 +167,10 @@ def test_there_is_an_example_for_every_run_of_the_comparison() -> None:
     assert set(EXAMPLES) >= {
         "ekim_room.yaml", "ieu_gazebo.yaml", "mrpt_office.yaml", "plaza.yaml", "tuc_labyrinth.yaml"
     }  # fmt: skip
+
+
+def test_keys_that_are_given_are_those_of_the_file() -> None:
+    wheels = {"distance_scale": 1.0}
+    given = {"start": "auto", "scan_odometry": {}, "estimator": {"odometry": wheels}}
+    config = parse_config(given).model_copy(update={"simulation": None})
+    assert given_keys(config) == given
