@@ -219,17 +219,7 @@ void PoseEkf::change_without_poses(const Change& change) {
   }
 }
 
-Outcome PoseEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
-
-Outcome PoseEkf::weigh(const Range& z) {
-  Outcome outcome = correct_by(z, Gate::closed());
-  if (outcome.dof > 0) {
-    outcome.limit = recipe_->range_gate.limit(outcome.dof);
-  }
-  return outcome;
-}
-
-Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
+Outcome PoseEkf::on(const Range& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
@@ -238,7 +228,7 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
   const Calibration& calibration = recipe_->calibration;
   if (const std::vector<Slot>* slots = calibration.slots_of(z.anchor)) {
     return correct(
-        Source::kRanges, z.stamp, gate, recipe_->range_noise, *slots,
+        Source::kRanges, z.stamp, recipe_->range_gate, recipe_->range_noise, *slots,
         [&](const Pose2& /*pose*/) {
           return internal::of_source(
               recipe_->config, calibration.linearize(belief_, recipe_->range, z, odometry_.rate()),
@@ -247,7 +237,7 @@ Outcome PoseEkf::correct_by(const Range& z, const Gate& gate) {
         why);
   }
   return correct(
-      Source::kRanges, z.stamp, gate, recipe_->range_noise, body_,
+      Source::kRanges, z.stamp, recipe_->range_gate, recipe_->range_noise, body_,
       [&](const Pose2& pose) {
         auto lin = recipe_->range.linearize(pose, z);  // not copied: it is short of time
         internal::name_source(recipe_->config, lin, Source::kRanges, internal::link_of(z));

@@ -369,24 +369,14 @@ Outcome TagTriangleEkf::on(const PositionFix& z) {
                              : Reason::kNoSigma; });
 }
 
-Outcome TagTriangleEkf::on(const Range& z) { return correct_by(z, recipe_->range_gate); }
-
-Outcome TagTriangleEkf::weigh(const Range& z) {
-  Outcome outcome = correct_by(z, Gate::closed());
-  if (outcome.dof > 0) {
-    outcome.limit = recipe_->range_gate.limit(outcome.dof);
-  }
-  return outcome;
-}
-
-Outcome TagTriangleEkf::correct_by(const Range& z, const Gate& gate) {
+Outcome TagTriangleEkf::on(const Range& z) {
   validate(z);
   if (!is_plausible(z, recipe_->config.limits)) {
     return {Verdict::kImplausible, Reason::kBeyondLimits};
   }
   const int tag = recipe_->find(z.tag);
   return correct(
-      z.stamp, gate,
+      z.stamp, recipe_->range_gate,
       [&]() -> std::optional<Rows<1>> {
         const auto lin = tag < 0 ? std::nullopt : recipe_->range.linearize_point(position(tag), z);
         return lin ? std::optional(placed(*lin, 2 * tag)) : std::nullopt;

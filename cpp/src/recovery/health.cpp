@@ -85,7 +85,7 @@ void Health::start(Stamp stamp, double wrong) {
                                 ", expected a probability less than 1");
   }
   stamp_ = fused_ = stamp;
-  odds_ = odds_of(wrong);
+  odds_ = odds_measured_ = odds_of(wrong);
   nis_ = 1.0;
   outliers_ = config_.wrong_share;
   scale_ = 0.0;
@@ -134,8 +134,8 @@ void Health::advance(Stamp stamp) {
   }
   const double seconds = seconds_between(stamp_, stamp);
   stamp_ = stamp;
-  odds_ = std::min(odds_ + (1.0 + odds_) * seconds / config_.mean_s_between_losses,
-                   internal::HealthTuning::kMaxOdds);
+  odds_ = grown(odds_, seconds);
+  odds_measured_ = grown(odds_measured_, seconds);
   if (is_out_of_date(stamp_)) {
     odds_ = std::max(odds_, odds_lost_);
     suspect_since_ = suspect_since_.value_or(stamp_);
@@ -145,9 +145,16 @@ void Health::advance(Stamp stamp) {
   update_state();
 }
 
+/// Odds of a wrong pose after some time.
+double Health::grown(double odds, double seconds) const {
+  return std::min(odds + (1.0 + odds) * seconds / config_.mean_s_between_losses,
+                  internal::HealthTuning::kMaxOdds);
+}
+
 /// The pose is lost once suspicion has lasted: a burst of outliers does not.
 void Health::update_state() {
   if (odds_ <= (lost_ ? odds_found_ : odds_lost_)) {
+    odds_measured_ = odds_;
     lost_ = false;
     suspect_since_.reset();
     return;
@@ -164,7 +171,6 @@ void Health::record(const NamedSource& source, Stamp stamp, const Outcome& outco
   }
   advance(stamp);
   SourceStatus& status = status_of(source, stamp);
-  excluded_ -= status.faulty > config_.exclude_above ? 1 : 0;
   receive(status, stamp, is_fused);
   if (outcome.dof > 0) {
     status.residual = outcome.residual;
@@ -178,7 +184,7 @@ void Health::record(const NamedSource& source, Stamp stamp, const Outcome& outco
   }
   scans_contradict_ = false;
   weigh(status, outcome, outlier_volume);
-  excluded_ += status.faulty > config_.exclude_above ? 1 : 0;
+  exclude(status);
 }
 
 void Health::record(const ScanEvidence& scan) {
@@ -192,6 +198,16 @@ void Health::record(const ScanEvidence& scan) {
     learn_usual(status, scan);
     update_state();
   }
+}
+
+/// A source that is excluded stays so until it likely is right.
+void Health::exclude(SourceStatus& status) {
+  const double above = status.is_excluded
+                           ? std::min(internal::HealthTuning::kAgreesAgain, config_.exclude_above)
+                           : config_.exclude_above;
+  excluded_ -= status.is_excluded ? 1 : 0;
+  status.is_excluded = status.faulty > above;
+  excluded_ += status.is_excluded ? 1 : 0;
 }
 
 /// A scan with more cover than usual contradicts the laser.
@@ -228,6 +244,7 @@ void Health::weigh(SourceStatus& status, const ScanEvidence& scan) {
   status.test_ratio = (explained_ - scan.explained) / std::max(0.5 * contrast, 1e-3);
   const double max_odds = std::max(odds_, internal::HealthTuning::kMaxScanOdds);
   odds_ = std::min(odds_ * std::exp(-nats), max_odds);
+  odds_measured_ = std::min(odds_measured_ * std::exp(-nats), max_odds);
   scans_contradict_ = nats < 0.0;
 }
 
@@ -300,6 +317,7 @@ void Health::weigh(SourceStatus& status, const Outcome& outcome, double outlier_
     ratio = 1.0 - agreement() * (1.0 - ratio);
   }
   odds_ = std::min(odds_ * ratio, internal::HealthTuning::kMaxOdds);
+  odds_measured_ = std::min(odds_measured_ * ratio, internal::HealthTuning::kMaxOdds);
   update_state();
 }
 
@@ -317,6 +335,19 @@ double Health::agreement() const {
     }
   }
   return right > wrong ? 1.0 - wrong / right : 0.0;
+}
+
+std::optional<double> Health::wrong_by_one_source() const {
+  const auto may_be_wrong = [&](const SourceStatus& status) {
+    return says_of_place(status.source) &&
+           seconds_between(status.last_received, stamp_) < config_.faulty_s;
+  };
+  const auto first = std::find_if(sources_.begin(), sources_.end(), may_be_wrong);
+  if (first == sources_.end() || faulty_share(first->source) != config_.faulty_share ||
+      std::any_of(first + 1, sources_.end(), may_be_wrong)) {
+    return std::nullopt;
+  }
+  return odds_measured_ / (1.0 + odds_measured_);
 }
 
 double Health::outlier_volume(const Range& /*z*/) const { return config_.wrong_span_m; }
@@ -341,8 +372,7 @@ bool Health::is_excluded(const NamedSource& source) const {
   const auto place = std::lower_bound(
       sources_.begin(), sources_.end(), source,
       [](const SourceStatus& status, const NamedSource& wanted) { return status.source < wanted; });
-  return place != sources_.end() && place->source == source &&
-         place->faulty > config_.exclude_above;
+  return place != sources_.end() && place->source == source && place->is_excluded;
 }
 
 /// Eq. (8) of docs/health.md: attributes too large innovations to the pose.
@@ -357,8 +387,7 @@ HealthReport Health::report(const PoseEstimate& estimate) const {
   HealthReport report;
   report.stamp = std::max(stamp_, estimate.stamp);
   const double since = seconds_between(stamp_, report.stamp);
-  double odds = std::min(odds_ + (1.0 + odds_) * since / config_.mean_s_between_losses,
-                         internal::HealthTuning::kMaxOdds);
+  double odds = grown(odds_, since);
   if (is_out_of_date(report.stamp)) {
     odds = std::max(odds, odds_lost_);
   }

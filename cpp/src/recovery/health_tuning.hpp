@@ -22,6 +22,7 @@ struct HealthTuning {
 
   /// @name Reasons for kDegraded
   static constexpr double kFaultySource = 0.85;     ///< minimum probability that a source is wrong
+  static constexpr double kAgreesAgain = 0.5;       ///< maximum of that at which it is used again
   static constexpr double kLargeNis = 2.0;          ///< minimum mean NIS per row
   static constexpr double kSilentIntervals = 10.0;  ///< minimum silence, in mean message intervals
 

@@ -12,6 +12,8 @@
 namespace locfuse {
 namespace {
 
+constexpr double kInReach = 13.8;  // chi-squared, two degrees of freedom, 0.999
+
 const PoseEstimate& planar(const PoseEstimate& estimate) { return estimate; }
 PoseEstimate planar(const AirEstimate& estimate) {
   return {estimate.stamp, estimate.pose, estimate.covariance.topLeftCorner<3, 3>()};
@@ -294,32 +296,32 @@ Outcome RecoveringEkf::fuse_conditioned(const PositionFix& z) {
     rejected.limit = result.limit;
     return rejected;
   }
-  return track(result.fix.value_or(z));
+  return fuse_unless_excluded(result.fix.value_or(z));
 }
 
 template <class M>
 Outcome RecoveringEkf::fuse(const M& z) {
   if constexpr (std::is_same_v<M, PositionFix>) {
-    if (conditioner_) {
-      return fuse_conditioned(z);
-    }
+    return conditioner_ ? fuse_conditioned(z) : fuse_unless_excluded(z);
+  } else if constexpr (std::is_same_v<M, Range>) {
+    return fuse_unless_excluded(z);
+  } else {
+    return track(z);
   }
-  if constexpr (std::is_same_v<M, Range>) {
-    if (health_.is_excluded(named_source_of(z))) {
-      Outcome weighed = of(*tracker_, [&](auto& ekf) {
-        if constexpr (std::is_same_v<std::decay_t<decltype(ekf)>, LandmarkEkf>) {
-          return ekf.on(z);  // which has no ranges
-        } else {
-          return ekf.weigh(z);
-        }
-      });
-      if (weighed.nis <= weighed.limit) {
-        weighed.reason = Reason::kSourceExcluded;
-      }
-      return weighed;
-    }
+}
+
+/// What is excluded is compared only.
+template <class M>
+Outcome RecoveringEkf::fuse_unless_excluded(const M& z) {
+  if (!health_.is_excluded(named_source_of(z))) {
+    return track(z);
   }
-  return track(z);
+  Outcome compared = of(*tracker_, [&](auto ekf) { return ekf.on(z); });
+  if (compared.verdict == Verdict::kFused) {
+    compared.verdict = Verdict::kGated;
+    compared.reason = Reason::kSourceExcluded;
+  }
+  return compared;
 }
 
 template <class M>
@@ -490,14 +492,31 @@ void RecoveringEkf::decide() {
   if (now.status != StartStatus::kReady) {
     return;
   }
+  const PoseEstimate& there = now.hypotheses.front().estimate;
+  double wrong = 1.0 - recipe_->config.start.probability_ready;
+  if (const auto by_one = health_.wrong_by_one_source();
+      tracker_ && by_one && !is_in_reach(there)) {
+    if (1.0 - *by_one > recipe_->config.health.risk) {
+      return;
+    }
+    wrong = std::max(wrong, 1.0 - *by_one);
+  }
   try {
-    Tracker found = tracker_at(now.hypotheses.front().estimate, *start_);
+    Tracker found = tracker_at(there, *start_);
     restarts_ += tracker_ ? 1 : 0;
     start_with(std::move(found));
-    health_.start(belief().stamp, 1.0 - recipe_->config.start.probability_ready);
+    health_.start(belief().stamp, wrong);
   } catch (const std::exception&) {
     start_ = fresh();
   }
+}
+
+/// Whether a place is one that the belief does not rule out: dead reckoning may have come there.
+bool RecoveringEkf::is_in_reach(const PoseEstimate& there) const {
+  const PoseEstimate here = believed_at(std::max(there.stamp, belief().stamp));
+  const Vector<2> apart(there.pose.x - here.pose.x, there.pose.y - here.pose.y);
+  const Matrix<2, 2> S = (here.covariance + there.covariance).topLeftCorner<2, 2>();
+  return apart.dot(S.ldlt().solve(apart)) <= kInReach;
 }
 
 void RecoveringEkf::start_with(Tracker tracker) {

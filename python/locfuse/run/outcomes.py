@@ -22,6 +22,7 @@ SENTENCES = {
     "unlikely": "nis {nis:.4g} > {limit:.4g}",
     "unlikely/landmark_sightings": "fits no landmark",
     "source_excluded": "left out: anchor {anchor} is likely wrong as a whole",
+    "source_excluded/positions": "left out: the receiver is likely wrong as a whole",
     "ambiguous": "ambiguous: too near a landmark for a new one",
     "beyond_limits": "farther from the origin than limits.distance_m",
     "beyond_limits/imu": "turns faster than limits.turn_rate_radps, or begins with a force that is "

@@ -422,6 +422,79 @@ TEST(RecoveringEkf, position_fixes_find_it_again_too) {
   EXPECT_LT(drive.off(ekf), 0.2);
 }
 
+/// A vehicle whose receiver is silent for a while, and then says for some time that it is
+/// elsewhere, each fix in agreement with the others and with the wheels.
+struct Garage {
+  RecoveringEkf ekf{config(), {}};
+  Drive drive{12};
+  double seconds = 0.0;
+
+  [[nodiscard]] PositionFix fix(double off) {
+    PositionFix z;
+    z.stamp = drive.stamp;
+    z.position = {drive.truth.x + off + normal(drive.rng, 0.1),
+                  drive.truth.y + normal(drive.rng, 0.1)};
+    z.covariance = 0.01 * Matrix<2, 2>::Identity();
+    return z;
+  }
+
+  /// Drives on, and returns how far off the pose was at most while it was not said to be lost.
+  double drive_on(double duration, std::optional<double> off) {
+    double most = 0.0;
+    for (const double end = seconds + duration; seconds < end; seconds += 0.1) {
+      drive.step(ekf, {});
+      if (off) {
+        ekf.on(fix(*off));
+      }
+      most = std::max(most, ekf.is_lost() ? 0.0 : drive.off(ekf));
+    }
+    return most;
+  }
+};
+
+TEST(RecoveringEkf, fixes_that_are_wrong_after_a_silence_do_not_win) {
+  for (const double silence : {0.0, 20.0, 70.0, 300.0}) {
+    Garage garage;
+    garage.ekf.on(garage.fix(0.0));
+    garage.drive_on(30.0, 0.0);
+    ASSERT_FALSE(garage.ekf.is_lost());
+    garage.drive_on(silence, std::nullopt);
+    EXPECT_LT(garage.drive_on(25.0, 60.0), 10.0) << silence;
+    EXPECT_EQ(garage.ekf.restarts(), 0) << silence;
+    EXPECT_LT(garage.drive_on(20.0, 0.0), 10.0) << silence;
+    EXPECT_FALSE(garage.ekf.is_lost()) << silence;
+    EXPECT_LT(garage.drive.off(garage.ekf), 0.5) << silence;
+  }
+}
+
+TEST(RecoveringEkf, fixes_that_stay_elsewhere_are_believed_in_the_end) {
+  Garage garage;
+  garage.ekf.on(garage.fix(0.0));
+  garage.drive_on(30.0, 0.0);
+  garage.drive_on(70.0, std::nullopt);
+  garage.drive.truth.x += 60.0;
+  garage.drive_on(150.0, 0.0);
+  EXPECT_EQ(garage.ekf.restarts(), 1);
+  EXPECT_FALSE(garage.ekf.is_lost());
+  EXPECT_LT(garage.drive.off(garage.ekf), 0.5);
+}
+
+/// One in ten of wrong fixes comes near enough to be fused, were they not left out.
+TEST(RecoveringEkf, a_receiver_that_is_wrong_as_a_whole_is_left_out_until_it_agrees) {
+  Garage garage;
+  garage.ekf.on(garage.fix(0.0));
+  garage.drive_on(30.0, 0.0);
+  garage.drive_on(3.0, 3.0);
+  const GaussianBelief before = garage.ekf.belief();
+  const Outcome near = garage.ekf.on(garage.fix(0.0));
+  EXPECT_EQ(near.verdict, Verdict::kGated);
+  EXPECT_EQ(near.reason, Reason::kSourceExcluded);
+  EXPECT_LT(near.nis, near.limit);
+  EXPECT_EQ(garage.ekf.belief().x, before.x);
+  garage.drive_on(3.0, 0.0);
+  EXPECT_EQ(garage.ekf.on(garage.fix(0.0)).verdict, Verdict::kFused);
+}
+
 /// A robot in a hall with four anchors that receives none of them for longer than `invalid_s`,
 /// while its wheels spin for half a minute: they report a longer way, and straight on.
 struct Outage {

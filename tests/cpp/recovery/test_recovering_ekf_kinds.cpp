@@ -344,21 +344,5 @@ TEST(TagTriangleEkf, a_message_that_is_not_fused_leaves_sides_that_are_due) {
   EXPECT_EQ(ekf.current().covariance, before.current().covariance);
 }
 
-TEST(TagTriangleEkf, weighs_a_range_as_it_would_fuse_it) {
-  TagTriangleEkf ekf({}, {testing::hall(), testing::triangle()},
-                     PoseEstimate{0, {3.0, 4.0, 0.1}, 0.01 * Matrix<3, 3>::Identity()});
-  const TagTriangleEkf before = ekf;
-  TagTriangleEkf fused = ekf;
-  const Id anchor = testing::hall()->anchors().front().id;
-  const Range z{0, 10, anchor, 5.0, 5.0};
-  const Outcome weighed = ekf.weigh(z);
-  EXPECT_EQ(weighed.verdict, Verdict::kGated);
-  EXPECT_TRUE(same_bits(ekf.belief(), before.belief()));
-  const Outcome outcome = fused.on(z);
-  EXPECT_EQ(outcome.nis, weighed.nis);
-  EXPECT_EQ(outcome.limit, weighed.limit);
-  EXPECT_GT(weighed.limit, 10.0);
-}
-
 }  // namespace
 }  // namespace locfuse::test_recovering_ekf_kinds

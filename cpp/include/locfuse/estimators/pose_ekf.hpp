@@ -84,9 +84,6 @@ class PoseEkf {
   /// Scans are kIgnored.
   Outcome on(const Message& message);
 
-  /// What `on` would compare, but fuses nothing: kGated in place of kFused.
-  Outcome weigh(const Range& z);
-
   /// Ranges of one instant fused as one measurement: one linearization, one gate. Those that are
   /// not modelled or not plausible are left out. All stamps must be equal; at most kMaxJoint.
   /// Throws std::invalid_argument if their noise is not Gaussian: each has tails of its own.
@@ -168,7 +165,6 @@ class PoseEkf {
   Outcome take_with_both(const Motion& u);
   template <class Change>
   void change_without_poses(const Change& change);
-  Outcome correct_by(const Range& z, const Gate& gate);
   [[nodiscard]] double turn_of(const Velocity& u) const;
   [[nodiscard]] static double turn_of(const Increment& u);
   void count_turn(double turn);

@@ -77,9 +77,6 @@ class TagTriangleEkf {
   /// Poses, sightings and scans are kIgnored.
   Outcome on(const Message& message);
 
-  /// What `on` would compare, but fuses nothing: kGated in place of kFused.
-  Outcome weigh(const Range& z);
-
   /// Fuses the three sides at the belief's own stamp, as one measurement: for who has no odometry,
   /// which does so by itself, and does not let `holds_sides` do it.
   Outcome hold_sides();
@@ -117,7 +114,6 @@ class TagTriangleEkf {
   TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp, const Vector<6>& positions,
                  const Matrix<6, 6>& covariance);
   TagTriangleEkf(const std::shared_ptr<const Recipe>& recipe, const PoseEstimate& start);
-  Outcome correct_by(const Range& z, const Gate& gate);
   template <class Linearize, class Why>
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize, const Why& why);
   Outcome take(Stamp begin, Stamp end, const Vector<3>& twist);

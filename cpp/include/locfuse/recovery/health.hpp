@@ -97,6 +97,7 @@ struct SourceStatus {
   double accepted = 1.0;  ///< share fused of the last 32 or so
   double nis = 1.0;       ///< mean NIS per degree of freedom, without outliers
   double faulty = 0.0;    ///< probability that it is wrong as a whole, given that the pose is right
+  bool is_excluded = false;  ///< that has been above exclude_above, and not low since
 };
 
 /// How far an estimate may be trusted, in numbers.
@@ -171,6 +172,9 @@ class Health {
   [[nodiscard]] PoseEstimate doubted(PoseEstimate estimate, double wrong) const;
   /// Probability that the pose is wrong.
   [[nodiscard]] double wrong() const { return odds_ / (1.0 + odds_); }
+  /// The same without what silence adds, where within faulty_s one source alone spoke of the place,
+  /// which may be the one that is wrong; empty where several did, or none.
+  [[nodiscard]] std::optional<double> wrong_by_one_source() const;
   [[nodiscard]] bool is_lost() const { return lost_; }
   /// Whether measurements of a source should not be fused until it agrees again.
   [[nodiscard]] bool is_excluded(const NamedSource& source) const;
@@ -179,11 +183,13 @@ class Health {
  private:
   void receive(SourceStatus& status, Stamp stamp, bool is_fused);
   SourceStatus& status_of(const NamedSource& source, Stamp stamp);
+  void exclude(SourceStatus& status);
   void weigh(SourceStatus& status, const Outcome& outcome, double outlier_volume);
   void weigh(SourceStatus& status, const ScanEvidence& scan);
   void weigh_cover(SourceStatus& status, const ScanEvidence& scan) const;
   void learn_usual(const SourceStatus& status, const ScanEvidence& scan);
   [[nodiscard]] double faulty_share(const NamedSource& source) const;
+  [[nodiscard]] double grown(double odds, double seconds) const;
   [[nodiscard]] double agreement() const;
   [[nodiscard]] double inflation(const PoseEstimate& estimate) const;
   [[nodiscard]] bool is_out_of_date(Stamp stamp) const { return stamp - fused_ > invalid_; }
@@ -201,6 +207,7 @@ class Health {
   Stamp stamp_ = 0;
   Stamp fused_ = 0;                // last measurement fused
   double odds_ = 0.0;              // of a wrong pose
+  double odds_measured_ = 0.0;     // the same without what a silence added
   double outliers_ = 0.0;          // share of independent outliers, as messages say
   double scale_ = 0.0;             // mean variance of an innovation
   double nis_ = 1.0;               // mean per degree of freedom, of all sources

@@ -18,8 +18,10 @@ namespace locfuse {
 ///
 /// Until it has started an Initializer takes the messages: landmarks seen together, ranges, fixes
 /// and poses start hypotheses until one wins. While it tracks, a Health listens. Lost, it goes on
-/// as it was, with a covariance that says so, but another Initializer begins beside it: whichever
-/// explains first what is measured is believed. Derivation: docs/health.md. A LandmarkEkf, whose
+/// as it was, with a covariance that says so, but another Initializer begins beside it. Whichever
+/// explains first what is measured is believed; on the word of one source alone that the belief
+/// contradicts, only once that source has likelier come right than stayed wrong. Derivation:
+/// docs/health.md. A LandmarkEkf, whose
 /// map is relative to where it began, is not started anew. An AirEkf is searched for in space, by
 /// an AirSum, whenever its belief is too vague for single ranges: docs/air.md.
 ///
@@ -159,7 +161,10 @@ class RecoveringEkf {
   void mirror(const AirEkf& air);
   template <class M>
   [[nodiscard]] Outcome fuse(const M& z);
+  template <class M>
+  [[nodiscard]] Outcome fuse_unless_excluded(const M& z);
   [[nodiscard]] Outcome fuse_conditioned(const PositionFix& z);
+  [[nodiscard]] bool is_in_reach(const PoseEstimate& there) const;
   template <class M>
   void give(Initializer& start, const M& z) const;
   template <class M>
