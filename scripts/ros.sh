@@ -14,7 +14,7 @@ build_ros1() {
   need_debian $ros1_packages
   workspace=$PWD/build/ros1
   mkdir -p "$workspace/src"
-  ln -sfn "$PWD/ros1/locfuse_msgs" "$PWD/ros1/locfuse_ros" "$workspace/src"
+  ln -sfn "$PWD/ros1/locfuse_msgs" "$PWD/ros1/locfuse_ros" "$PWD"/tests/ros/stand_ins_ros1/* "$workspace/src"
   [ -x "$workspace/venv/bin/python" ] ||
     quietly "python3 -m venv failed" /usr/bin/python3 -m venv --system-site-packages --without-pip "$workspace/venv"
   # Packages installed for locfuse take precedence over Debian's.

@@ -27,6 +27,7 @@ _BY_RANK = np.array([FREE, UNKNOWN, OCCUPIED], np.int8)  # what a cell of severa
 _SLACK = 1e-9  # cells; edges closer than this to one another are the same
 RESOLUTIONS_M = (1e-6, 1e6)  # least and most of a GridMap
 FARTHEST_M = 1e9  # that a place may be from the origin of the world
+MAX_SPEED_MPS = 100.0  # of what moves: beyond it numbers are in other units, or damaged
 
 
 class LogError(ValueError):
@@ -305,6 +306,9 @@ class Log:
         ``range_min_m``, ``range_max_m``. None where there are several.
     lasers : mapping of name to such a mapping
         Several of them, whose names are in the column ``laser`` of ``scans``; else empty.
+    gps_origin : tuple or None
+        Latitude and longitude [deg, WGS 84] of the map's origin, and the angle [deg] of its x axis
+        from east, counter-clockwise, where they are known.
     landmark_sensor : mapping or None
         ``pose_in_body`` [x_m, y_m, heading_rad]: from where landmarks are sighted; None is the
         body's origin, looking forward.
@@ -326,6 +330,7 @@ class Log:
     landmark_sensor: Mapping[str, Any] | None = None
     origin: str = field(default="folder", compare=False)
     lasers: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    gps_origin: tuple[float, float, float] | None = None
 
     def __contains__(self, stem: str) -> bool:
         return stem in self.tables

@@ -400,6 +400,29 @@ def test_services_reset_relocalize_and_switch(tmp_path: Path) -> None:
     assert np.hypot(*errors(log, poses, after_s=18.0)[:, :2].T).max() < 0.25
 
 
+def test_degrees_become_places_of_the_map_and_back(tmp_path: Path) -> None:
+    import rospy
+    from geographic_msgs.msg import GeoPoint, GeoPose
+    from geometry_msgs.msg import Point, Quaternion
+    from robot_localization.srv import FromLL, SetDatum, ToLL
+
+    use = {"use": ["odometry", "ranges", "positions"]}
+    with localizing(simulated(12, duration_s=2.0), tmp_path, use):
+        from_degrees, to_degrees, set_datum = (
+            rospy.ServiceProxy(name, kind)
+            for name, kind in (("fromLL", FromLL), ("toLL", ToLL), ("datum", SetDatum))
+        )
+        from_degrees.wait_for_service(10.0)
+        here = GeoPoint(latitude=48.001, longitude=11.0)
+        with pytest.raises(rospy.ServiceException, match="is not known yet"):
+            from_degrees(here)
+        set_datum(GeoPose(GeoPoint(48.0, 11.0, 0.0), Quaternion()))
+        point = from_degrees(here).map_point
+        assert (point.x, point.y) == pytest.approx((0.0, 111.2), abs=0.05)
+        back = to_degrees(Point(point.x, point.y, 0.0)).ll_point
+        assert (back.latitude, back.longitude) == pytest.approx((48.001, 11.0), abs=1e-9)
+
+
 def test_the_start_is_published_to_another_localizer(tmp_path: Path) -> None:
     from geometry_msgs.msg import PoseWithCovarianceStamped
 

@@ -270,6 +270,27 @@ def test_services_switch_sources_and_forget(robot: Robot, tmp_path: Path) -> Non
     assert robot.rmse_m(poses) < 0.1
 
 
+def test_degrees_become_places_of_the_map_and_back(robot: Robot, tmp_path: Path) -> None:
+    from geographic_msgs.msg import GeoPoint, GeoPose
+    from geometry_msgs.msg import Point
+    from robot_localization.srv import FromLL, SetDatum, ToLL
+
+    here = GeoPoint(latitude=48.001, longitude=11.0)
+    started(robot, tmp_path)
+    early = robot.peer.call("fromLL", FromLL, ll_point=here).map_point
+    assert np.isnan([early.x, early.y]).all()
+    wait_for_word(robot, "where the map begins is not known yet")
+    datum = GeoPose(position=GeoPoint(latitude=48.0, longitude=11.0))
+    robot.peer.call("datum", SetDatum, geo_pose=datum)
+    point = robot.peer.call("fromLL", FromLL, ll_point=here).map_point
+    assert (point.x, point.y) == pytest.approx((0.0, 111.2), abs=0.05)
+    back = robot.peer.call("toLL", ToLL, map_point=Point(x=point.x, y=point.y)).ll_point
+    assert (back.latitude, back.longitude) == pytest.approx((48.001, 11.0), abs=1e-9)
+    datum.position.latitude = 100.0
+    robot.peer.call("datum", SetDatum, geo_pose=datum)
+    wait_for_word(robot, "latitude 100, longitude 11 with that orientation is no place")
+
+
 def test_an_initial_pose_from_a_person_is_taken(robot: Robot, tmp_path: Path) -> None:
     start_localize(robot, tmp_path, "odom", "initialpose", start=[2.0, 2.0, 0.0])
     robot.drive(0.0, 2.0, without=["uwb", "scan"])

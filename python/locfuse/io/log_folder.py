@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.csv_table import CsvTable, number_texts, read_table, stamp_texts, write_table
+from locfuse.io.geodesy import Origin
+from locfuse.io.georeference import in_plane, is_on_earth, measured, origin_of, origin_sentence
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
 from locfuse.io.whole import INCOMPLETE, whole_folder
 from locfuse.types import (
     FARTHEST_M,
+    MAX_SPEED_MPS,
     NANOSECONDS,
     Columns,
     FloatArray,
@@ -35,6 +39,8 @@ FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
 QUATERNION = ("qw", "qx", "qy", "qz")  # of a rotation from body to world
 GRAVITY_MPS2 = 9.81  # which they include
 _SEEN = ("stamp_s", "landmark", "range_m", "bearing_rad")
+_IN_PLANE = ("x_m", "y_m")
+_ON_EARTH = ("latitude_deg", "longitude_deg")  # of WGS 84, in place of these
 # Which headers each file may have. ranges_m stands for the beams r0, r1, ... of a scan, intensities
 # for i0, i1, ...
 SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
@@ -47,9 +53,17 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("stamp_s", "tag", "anchor", "range_m"),
         ("stamp_s", "tag", "anchor", "range_m", "sigma_m"),
     ),
-    "positions": (
-        ("stamp_s", "x_m", "y_m", "sigma_m"),
-        ("stamp_s", "tag", "x_m", "y_m", "sigma_m"),
+    "positions": tuple(
+        ("stamp_s", *tag, *place)
+        for tag in ((), ("tag",))
+        for place in (
+            (*_IN_PLANE, "sigma_m"),
+            *(
+                (*_ON_EARTH, *altitude, *sigma)
+                for altitude in ((), ("altitude_m",))
+                for sigma in (("sigma_m",), ("quality",), ("sigma_m", "quality"))
+            ),
+        )
     ),
     "poses": (("stamp_s", "x_m", "y_m", "heading_rad", "sigma_xy_m", "sigma_heading_rad"),),
     "landmark_sightings": (
@@ -72,6 +86,8 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
     ),
     "imu": (("stamp_s", *RATES), ("stamp_s", *RATES, *FORCES)),
     "truth": (
+        ("stamp_s", *_ON_EARTH),
+        ("stamp_s", *_ON_EARTH, "altitude_m"),
         ("stamp_s", "x_m", "y_m"),
         ("stamp_s", "x_m", "y_m", "heading_rad"),
         ("stamp_s", "x_m", "y_m", "z_m"),
@@ -79,8 +95,9 @@ SCHEMA: Mapping[str, tuple[tuple[str, ...], ...]] = {
         ("stamp_s", "x_m", "y_m", "z_m", "heading_rad", *QUATERNION),
     ),
     "relations": (("begin_s", "end_s", "dx_m", "dy_m", "dheading_rad"),),
-    "anchors": (("anchor", "x_m", "y_m", "z_m"),),
+    "anchors": (("anchor", "x_m", "y_m", "z_m"), ("anchor", *_ON_EARTH, "z_m")),
     "landmarks": (
+        ("landmark", *_ON_EARTH),
         ("landmark", "x_m", "y_m"),
         ("landmark", "x_m", "y_m", "radius_m"),
         ("landmark", "x_m", "y_m", "z_m"),
@@ -101,7 +118,6 @@ BEAMS = {"ranges_m": "r", "intensities": "i"}  # columns of scans: one letter an
 IN_MEMORY = {f"{key}_s": f"{key}_ns" for key in ("stamp", "arrival", "begin", "end")}
 
 # Beyond these a file is in other units, or damaged.
-MAX_SPEED_MPS = 100.0
 MAX_TURN_RATE_RADPS = 100.0
 MAX_RANGE_M = 100_000.0
 MAX_FORCE_MPS2 = 10_000.0
@@ -111,8 +127,10 @@ MAX_STAMP_NS = 1 << 62  # the difference of two fits into 64 bits
 LONGEST_NAME = 255  # bytes
 Problem = tuple[int, str]
 
+logger = logging.getLogger("locfuse")
 
-def read_log(folder: str | Path) -> Log:
+
+def read_log(folder: str | Path, gps_origin: Origin | None = None) -> Log:
     """Read a log folder and check everything in it.
 
     Messages without ``arrival_s`` are sorted by stamp; those with it stay in the order of the file.
@@ -120,6 +138,9 @@ def read_log(folder: str | Path) -> Log:
     Parameters
     ----------
     folder : str or Path
+    gps_origin : tuple, optional
+        Latitude, longitude and heading of the map's origin [deg], in place of that of log.yaml.
+        Without either it is the first fix that the next confirms, which is logged.
 
     Returns
     -------
@@ -137,17 +158,53 @@ def read_log(folder: str | Path) -> Log:
     tables = {stem: read_log_file(path, stem) for stem, path in _find_tables(folder).items()}
     settings = _read_settings(folder)
     _check_set(tables, settings, str(folder))
+    return _log_of(folder, tables, settings, gps_origin)
+
+
+def _log_of(
+    folder: Path, tables: dict[str, Columns], settings: dict[str, Any], gps_origin: Origin | None
+) -> Log:
+    settings["gps_origin"] = gps_origin or settings.get("gps_origin")
+    if any(map(is_on_earth, tables.values())):
+        tables, settings["gps_origin"] = _placed(folder, tables, settings["gps_origin"])
     grid = read_map(folder / settings["map"]) if "map" in settings else None
     return Log(tables=tables, grid=grid, **settings)
 
 
-def read_world(folder: str | Path) -> Log:
+def _placed(
+    folder: Path, tables: dict[str, Columns], origin: Origin | None
+) -> tuple[dict[str, Columns], Origin]:
+    """Return tables with latitudes and longitudes in metres, and where the map begins."""
+    on_earth = [stem for stem in tables if is_on_earth(tables[stem])]
+    if "positions" in on_earth:
+        rows = len(tables["positions"]["stamp_ns"])
+        tables["positions"] = measured(tables["positions"])
+        lost = rows - len(tables["positions"]["stamp_ns"])
+        if lost:
+            logger.warning("%s: %d of %d positions are without a fix, and left out",
+                           folder, lost, rows)  # fmt: skip
+        if origin is None:
+            origin = origin_of(tables["positions"])
+            if origin is not None:
+                logger.warning("%s: %s", folder, origin_sentence(origin))
+    if origin is None:
+        raise LogError(f"{folder}: {' and '.join(on_earth)} have latitudes and no fix says where "
+                       "the map begins; expected gps_origin: [latitude, longitude, heading] in "
+                       "log.yaml, or ros.gps_origin")  # fmt: skip
+    for stem in on_earth:
+        tables[stem] = in_plane(tables[stem], origin, f"{folder}: {stem}")
+    return tables, origin
+
+
+def read_world(folder: str | Path, gps_origin: Origin | None = None) -> Log:
     """Read what a log folder says of the world: no messages, and no reference.
 
     Parameters
     ----------
     folder : str or Path
         A log folder, which need not hold a message.
+    gps_origin : tuple, optional
+        As of `read_log`.
 
     Returns
     -------
@@ -165,11 +222,10 @@ def read_world(folder: str | Path) -> Log:
     paths = {stem: path for stem, path in _find_tables(folder).items() if stem in OF_THE_WORLD}
     tables = {stem: read_log_file(path, stem) for stem, path in paths.items()}
     settings = _read_settings(folder)
-    grid = read_map(folder / settings["map"]) if "map" in settings else None
     if not tables and not settings:
         files = ", ".join(f"{stem}.csv" for stem in OF_THE_WORLD)
         raise LogError(f"{folder}: says nothing of the world, expected {files} or log.yaml")
-    return Log(tables=tables, grid=grid, **settings)
+    return _log_of(folder, tables, settings, gps_origin)
 
 
 def with_world(log: Log, world: Log) -> Log:
@@ -185,6 +241,7 @@ def with_world(log: Log, world: Log) -> Log:
         landmark_sensor=world.landmark_sensor or log.landmark_sensor,
         map=log.map if world.grid is None else world.map,
         grid=log.grid if world.grid is None else world.grid,
+        gps_origin=world.gps_origin or log.gps_origin,
     )  # fmt: skip
 
 
@@ -399,6 +456,14 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
     elif name in PLACES:
         for row in np.flatnonzero(np.abs(values) > FARTHEST_M):
             yield int(row), f"{name} is {values[row]:g}; is the file in m?"
+    elif name in _ON_EARTH:
+        most = 90.0 if name == "latitude_deg" else 360.0
+        for row in np.flatnonzero(np.abs(values) > most):
+            yield int(row), (f"{name} is {values[row]:.10g}, expected at most {most:g}; NMEA's "
+                             "ddmm.mm is degrees and minutes")  # fmt: skip
+    elif name == "quality":
+        bad = (values < 0.0) | (values != np.floor(values))
+        yield from _first(bad, "a quality is none of GGA's: 0, 1, 2, ...", values)
     elif name in NAMES:
         if (stem, name) not in MAY_BE_NAMELESS:
             yield from _first(values == "", f"{name} is empty")
@@ -442,6 +507,8 @@ def _bad_values(stem: str, name: str, values: NDArray[Any]) -> Iterator[Problem]
 def _bad_sigmas(table: Columns) -> Iterator[Problem]:
     """Yield sigmas that are neither positive nor, all of a row, -1 or 0: not known."""
     sigmas = {name: values for name, values in table.items() if name.startswith("sigma_")}
+    if not sigmas:  # of positions by their quality
+        return
     together = np.column_stack(list(sigmas.values()))
     unknown = (together == -1.0).all(axis=1) | (together == 0.0).all(axis=1)
     for name, values in sigmas.items():
@@ -491,6 +558,7 @@ def _settings_of(log: Log) -> dict[str, Any]:
         "lasers": dict(log.lasers),
         "landmark_sensor": log.landmark_sensor,
         "map": log.map or (None if log.grid is None else "map.yaml"),
+        "gps_origin": log.gps_origin,
         "description": log.description,
         "licence": log.licence,
     }

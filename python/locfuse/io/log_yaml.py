@@ -16,7 +16,7 @@ from locfuse.io.csv_table import read_bytes
 from locfuse.io.whole import write_whole
 from locfuse.types import YAML_ERRORS, LogError, nearest, shown, words
 
-KEYS = ("tags", "laser", "lasers", "landmark_sensor", "map", "description", "licence")
+KEYS = ("tags", "laser", "lasers", "landmark_sensor", "map", "gps_origin", "description", "licence")
 LASER_KEYS = ("pose_in_body", "angle_min_rad", "angle_increment_rad", "range_min_m", "range_max_m")
 LANDMARK_SENSOR_KEYS = ("pose_in_body",)
 
@@ -69,6 +69,8 @@ def write_log_yaml(path: Path, settings: Mapping[str, Any]) -> None:
     plain = {key: value for key, value in settings.items() if value}
     if "tags" in plain:
         plain["tags"] = {name: list(position) for name, position in plain["tags"].items()}
+    if "gps_origin" in plain:
+        plain["gps_origin"] = list(plain["gps_origin"])
     text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, default_flow_style=None)
     write_whole(path, text)
 
@@ -88,6 +90,8 @@ def checked(settings: Any, where: str) -> dict[str, Any]:
         values["lasers"] = _lasers(values, where)
     if "landmark_sensor" in values:
         values["landmark_sensor"] = _landmark_sensor(values["landmark_sensor"], where)
+    if "gps_origin" in values:
+        values["gps_origin"] = _gps_origin(values["gps_origin"], f"{where}: gps_origin")
     return values
 
 
@@ -142,6 +146,14 @@ def _laser(value: Any, where: str) -> dict[str, Any]:
     if laser.get("time_increment_s", 0.0) < 0.0:
         raise LogError(f"{where}.time_increment_s is negative, expected 0 or more")
     return laser
+
+
+def _gps_origin(value: Any, where: str) -> tuple[float, ...]:
+    latitude, longitude, heading = _triple(value, where)
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+        raise LogError(f"{where} is {shown(value)}, expected [latitude, longitude, heading of the "
+                       "x axis from east] in degrees")  # fmt: skip
+    return latitude, longitude, heading
 
 
 def _triple(value: Any, where: str) -> tuple[float, ...]:

@@ -37,11 +37,13 @@ def read_recording(
     `read_world` or `read_bag`.
     """
     path = Path(path)
+    ros = Ros() if ros is None else ros
     world = None
-    if ros is not None and ros.world is not None:
-        world = read_world((Path() if base is None else base) / ros.world)
+    if ros.world is not None:
+        world = read_world((Path() if base is None else base) / ros.world, ros.gps_origin)
+        ros = ros.model_copy(update={"gps_origin": world.gps_origin})
     if not is_bag(path):
-        log = read_log(path)
+        log = read_log(path, ros.gps_origin)
         return log if world is None else with_world(log, world)
     return read_bag(path, ros, world, progress, antennas=antennas)
 

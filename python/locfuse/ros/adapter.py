@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
-from locfuse.config.ros import POSE, TYPES, plain, types_of
+from locfuse.config.ros import POSE, TYPES, Ros, plain, types_of
 from locfuse.config.schema import SOURCES, RunConfig, ignored_by, places_antennas
+from locfuse.io.geodesy import Origin, to_degrees, to_plane
 from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import clouds, decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
@@ -84,7 +87,9 @@ class Adapter:
         ros = config.ros
         published = Log(tables={})
         if ros.world is not None:
-            published = read_world((Path() if base is None else base) / ros.world)
+            published = read_world((Path() if base is None else base) / ros.world, ros.gps_origin)
+            ros = ros.model_copy(update={"gps_origin": published.gps_origin})
+            self._config = config.model_copy(update={"ros": ros})
         self._world = World(published, ros.frames.base)
         self._live = LiveRun(config, published) if self._is_enough(published) else None
         self._publications = PublicationBuilder(ros)
@@ -537,6 +542,54 @@ class Adapter:
         if self._live is not None:
             self._live.relocalize()
         self._publications.start_is_open()
+
+    @property
+    def is_on_earth(self) -> bool:
+        """Whether fixes or ``ros.gps_origin`` say where on the Earth the map begins."""
+        return (self._config.ros.gps_origin is not None
+                or any(one.source == "positions" for one in self.subscriptions))  # fmt: skip
+
+    def set_datum(self, at: Any) -> None:
+        """Let the map begin at a geographic_msgs/GeoPose, and forget all but the world, as `reset`.
+
+        An orientation of zeros leaves the x axis eastwards. Raises ConfigError for what is no place
+        on the Earth, or where ``ros.gps_origin`` says where ``ros.world`` is.
+        """
+        ros, turned = self._config.ros, at.orientation
+        if ros.world is not None and ros.gps_origin is not None:
+            raise ConfigError("ros.gps_origin says where the map of ros.world begins")
+        is_set = (turned.x, turned.y, turned.z, turned.w) != (0.0, 0.0, 0.0, 0.0)
+        try:
+            heading = math.degrees(decode.heading_of(turned)) if is_set else 0.0
+            place = at.position.latitude, at.position.longitude, heading
+            origin = Ros.model_validate({"gps_origin": place}).gps_origin
+        except (MessageError, ValidationError):
+            raise ConfigError(f"latitude {at.position.latitude:g}, longitude "
+                              f"{at.position.longitude:g} with that orientation is no place on the "
+                              "Earth") from None  # fmt: skip
+        ros = ros.model_copy(update={"gps_origin": origin})
+        self._config = self._config.model_copy(update={"ros": ros})
+        self.reset()
+
+    def from_degrees(self, latitude: float, longitude: float) -> tuple[float, float]:
+        """Return x and y [m] in the map of a latitude and longitude [deg].
+
+        Raises ConfigError as long as nothing says where on the Earth the map begins.
+        """
+        return to_plane(latitude, longitude, 0.0, self._origin())
+
+    def to_degrees(self, x: float, y: float) -> tuple[float, float]:
+        """Return latitude and longitude [deg] of a point [m] of the map.
+
+        Raises ConfigError as long as nothing says where on the Earth the map begins.
+        """
+        return to_degrees(x, y, self._origin())
+
+    def _origin(self) -> Origin:
+        if self._fixes.origin is None:
+            raise ConfigError("where the map begins is not known yet: no fix has come that the "
+                              "next one confirms, and ros.gps_origin is not set")  # fmt: skip
+        return self._fixes.origin
 
     def enable(self, source: str, enabled: bool) -> None:
         """Switch a source off, or on again.

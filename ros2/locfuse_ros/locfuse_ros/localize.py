@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -172,6 +173,46 @@ class Localizer(Node):
         for source in (*SOURCES, "scans"):
             if source in subscribed:
                 self.create_service(SetBool, f"~/enable/{source}", switches(source))
+        if self._adapter.is_on_earth:
+            self._offer_degrees()
+
+    def _offer_degrees(self) -> None:
+        """Offer the services of navsat_transform_node, where their types are installed."""
+        try:
+            from robot_localization.srv import FromLL, SetDatum, ToLL
+        except ImportError:
+            self.get_logger().info("robot_localization is not installed: no fromLL, toLL and datum")
+            return
+
+        def from_degrees(request: Any, response: Any) -> Any:
+            at, point = request.ll_point, response.map_point
+            point.x, point.y = self._asked(self._adapter.from_degrees, at.latitude, at.longitude)
+            return response
+
+        def to_degrees(request: Any, response: Any) -> Any:
+            at, point = request.map_point, response.ll_point
+            point.latitude, point.longitude = self._asked(self._adapter.to_degrees, at.x, at.y)
+            point.altitude = math.nan  # not known
+            return response
+
+        def set_datum(request: Any, response: Any) -> Any:
+            try:
+                self._adapter.set_datum(request.geo_pose)
+            except ConfigError as error:  # which such a service cannot answer
+                self.get_logger().error(str(error))
+            return response
+
+        self.create_service(FromLL, "fromLL", from_degrees)
+        self.create_service(ToLL, "toLL", to_degrees)
+        self.create_service(SetDatum, "datum", set_datum)
+
+    def _asked(self, question: Callable[[float, float], Any], *given: float) -> Any:
+        """Return an answer, or two NaN with an error in the log: such a service cannot refuse."""
+        try:
+            return question(*given)
+        except ConfigError as error:
+            self.get_logger().error(str(error))
+            return math.nan, math.nan
 
 
 class Out:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -394,6 +395,41 @@ def test_reset_forgets_all_but_the_world() -> None:
     assert robot.health()["message"] == "nothing has been received yet"
     robot.drive()
     assert robot.health()["message"] == "ok"
+
+
+def geo_pose(latitude: float, longitude: float, z: float = 0.0, w: float = 0.0) -> Any:
+    return SimpleNamespace(position=SimpleNamespace(latitude=latitude, longitude=longitude),
+                           orientation=SimpleNamespace(x=0.0, y=0.0, z=z, w=w))  # fmt: skip
+
+
+def test_a_datum_says_where_the_map_begins_and_begins_anew() -> None:
+    config, log = room()
+    robot = Robot(config, log)
+    robot.learn()
+    robot.drive()
+    with pytest.raises(ConfigError, match="where the map begins is not known yet"):
+        robot.adapter.from_degrees(48.0, 11.0)
+    robot.adapter.set_datum(geo_pose(48.0, 11.0, np.sqrt(0.5), np.sqrt(0.5)))
+    assert robot.adapter.from_degrees(48.0, 11.001) == pytest.approx((0.0, -74.6), abs=0.05)
+    assert robot.adapter.to_degrees(0.0, -74.6) == pytest.approx((48.0, 11.001), abs=1e-6)
+    robot.published.clear()
+    robot.tick(LATER)
+    assert robot.health()["message"] == "nothing has been received yet"
+    robot.adapter.set_datum(geo_pose(48.0, 11.0))  # an orientation that nobody set
+    assert robot.adapter.from_degrees(48.0, 11.001) == pytest.approx((74.6, 0.0), abs=0.05)
+    for wrong in (geo_pose(91.0, 0.0), geo_pose(np.nan, 0.0), geo_pose(48.0, 11.0, np.inf)):
+        with pytest.raises(ConfigError, match="no place on the Earth"):
+            robot.adapter.set_datum(wrong)
+    assert robot.adapter.to_degrees(0.0, 0.0) == (48.0, 11.0)
+
+
+def test_a_world_on_the_earth_is_placed_by_its_own_origin(tmp_path: Path) -> None:
+    (tmp_path / "anchors.csv").write_text("anchor,latitude_deg,longitude_deg,z_m\nA,48.001,11,2\n")
+    (tmp_path / "log.yaml").write_text("gps_origin: [48, 11, 0]\ntags: {tag: [0, 0, 0]}\n")
+    adapter = Adapter(parse_config({"ros": {"world": "."}, "start": [0, 0, 0]}), base=tmp_path)
+    assert adapter.from_degrees(48.001, 11.0) == pytest.approx((0.0, 111.2), abs=0.05)
+    with pytest.raises(ConfigError, match=r"ros\.world begins"):
+        adapter.set_datum(geo_pose(47.0, 11.0))
 
 
 def test_a_stamp_of_either_ros_is_read() -> None:

@@ -14,13 +14,7 @@ from typing import Any
 import numpy as np
 
 from locfuse.config.ros import Ros, plain
-from locfuse.io.log_folder import (
-    MAX_LASERS,
-    MAX_RANGE_M,
-    MAX_SPEED_MPS,
-    MAX_STAMP_NS,
-    MAX_TURN_RATE_RADPS,
-)
+from locfuse.io.log_folder import MAX_LASERS, MAX_RANGE_M, MAX_STAMP_NS, MAX_TURN_RATE_RADPS
 from locfuse.io.rosbag import bag_settings, clouds, decode, rows
 from locfuse.io.rosbag.bag_contents import BagContents, Laser, logger
 from locfuse.io.rosbag.bag_log import log_of
@@ -34,7 +28,7 @@ from locfuse.io.rosbag.fields import OtherMessages
 from locfuse.io.rosbag.frames import check_frame, sensor_pose
 from locfuse.io.rosbag.rows import Row
 from locfuse.io.rosbag.wire import broken, deserializer
-from locfuse.types import Log, LogError
+from locfuse.types import MAX_SPEED_MPS, Log, LogError
 
 Progress = Callable[[int, int], None]
 Reader = Callable[[Any, str], Sequence[Row]]  # rows of a message on a topic

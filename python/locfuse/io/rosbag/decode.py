@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from locfuse import _core
 from locfuse.config.ros import plain
-from locfuse.io.rosbag.geodesy import Origin, to_plane
+from locfuse.io.geodesy import Origin, to_plane
 from locfuse.types import (
     FARTHEST_M,
     FREE,

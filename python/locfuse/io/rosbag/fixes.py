@@ -6,15 +6,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from locfuse.io.log_folder import MAX_SPEED_MPS
+from locfuse.io.geodesy import Origin
+from locfuse.io.georeference import UNKNOWN_SIGMA_M, agree, origin_sentence
 from locfuse.io.rosbag import decode
 from locfuse.io.rosbag.decode import FixRow, MessageError
 from locfuse.io.rosbag.frames import FrameTree
-from locfuse.io.rosbag.geodesy import Origin
 from locfuse.types import NANOSECONDS
-
-FAR_SIGMAS = 5.0  # beyond which two fixes do not agree
-UNKNOWN_SIGMA_M = 10.0  # of a fix that brings none
 
 
 class Fixes:
@@ -73,10 +70,7 @@ class Fixes:
 
     def _begin_at(self, first: Any) -> None:
         self._first, self.origin = None, _origin_at(first)
-        self.sentence = (
-            f"the map's origin is the first fix, at latitude {self.origin[0]!r} and longitude "
-            f"{self.origin[1]!r}; ros.gps_origin says where it is"
-        )
+        self.sentence = origin_sentence(self.origin)
 
 
 def _origin_at(message: Any) -> Origin:
@@ -122,4 +116,4 @@ def _agree(here: FixRow, there: FixRow) -> bool:
     seconds = abs(there.stamp_ns - here.stamp_ns) / NANOSECONDS
     sigma = math.hypot(*(UNKNOWN_SIGMA_M if row.sigma_m <= 0.0 else row.sigma_m
                          for row in (here, there)))  # fmt: skip
-    return math.hypot(there.x, there.y) <= MAX_SPEED_MPS * seconds + FAR_SIGMAS * sigma
+    return agree(math.hypot(there.x, there.y), seconds, sigma)

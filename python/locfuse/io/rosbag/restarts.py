@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse import _core
-from locfuse.io.log_folder import MAX_SPEED_MPS, MAX_TURN_RATE_RADPS
-from locfuse.types import NANOSECONDS, FloatArray
+from locfuse.io.log_folder import MAX_TURN_RATE_RADPS
+from locfuse.types import MAX_SPEED_MPS, NANOSECONDS, FloatArray
 
 JITTER_S = 0.1  # of stamps: messages that come in a packet are no leap
 STEADY_S = 0.3  # for how long a velocity bounds the motion; afterwards it may have been any

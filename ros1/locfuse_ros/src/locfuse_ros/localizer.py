@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import rospy
+from geometry_msgs.msg import Point
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from locfuse.config.schema import SOURCES, RunConfig
@@ -154,6 +156,38 @@ class Localizer:
         subscribed = {s.source for s in self._adapter.subscriptions}
         for source in (s for s in (*SOURCES, "scans") if s in subscribed):
             yield rospy.Service(f"~enable/{source}", SetBool, switches(source))
+        if self._adapter.is_on_earth:
+            yield from self._offer_degrees()
+
+    def _offer_degrees(self) -> Iterator[Any]:
+        """Offer the services of navsat_transform_node, where their types are installed."""
+        try:
+            from geographic_msgs.msg import GeoPoint
+            from robot_localization import srv
+        except ImportError:
+            rospy.loginfo("robot_localization is not installed: no fromLL, toLL and datum")
+            return
+
+        def from_degrees(request: Any) -> Any:
+            at = request.ll_point
+            with self._lock:
+                x, y = self._adapter.from_degrees(at.latitude, at.longitude)
+            return srv.FromLLResponse(Point(x, y, 0.0))
+
+        def to_degrees(request: Any) -> Any:
+            at = request.map_point
+            with self._lock:
+                latitude, longitude = self._adapter.to_degrees(at.x, at.y)
+            return srv.ToLLResponse(GeoPoint(latitude, longitude, math.nan))
+
+        def set_datum(request: Any) -> Any:
+            with self._lock:
+                self._adapter.set_datum(request.geo_pose)
+            return srv.SetDatumResponse()
+
+        yield rospy.Service("fromLL", srv.FromLL, from_degrees)
+        yield rospy.Service("toLL", srv.ToLL, to_degrees)
+        yield rospy.Service("datum", srv.SetDatum, set_datum)
 
 
 def _publisher(topic: str, type_name: str, latched: bool) -> Any:

@@ -46,6 +46,27 @@ def to_plane(
     return c * east + s * north, c * north - s * east
 
 
+def to_degrees(x: float, y: float, origin: Origin) -> tuple[float, float]:
+    """Return latitude and longitude [deg] of a point of the map, as `to_plane` takes them.
+
+    Examples
+    --------
+    >>> latitude, longitude = to_degrees(*to_plane(48.01, 8.42, 0.0, (48.0, 8.4, 30.0)),
+    ...                                  (48.0, 8.4, 30.0))
+    >>> round(latitude, 9), round(longitude, 9)
+    (48.01, 8.42)
+    """
+    c, s = math.cos(math.radians(origin[2])), math.sin(math.radians(origin[2]))
+    east, north = c * x - s * y, s * x + c * y
+    level = SEMI_MAJOR_M * max(math.cos(math.radians(origin[0])), 1e-6)
+    latitude, longitude = origin[0], origin[1]
+    for _ in range(8):  # Newton on a sphere
+        there = to_plane(latitude, longitude, 0.0, (origin[0], origin[1], 0.0))
+        longitude += math.degrees((east - there[0]) / level)
+        latitude += math.degrees((north - there[1]) / SEMI_MAJOR_M)
+    return latitude, longitude
+
+
 def _centred(latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
     """Return a point in the frame that is fixed to the Earth and centred in it, metres."""
     phi, lam = math.radians(latitude), math.radians(longitude)

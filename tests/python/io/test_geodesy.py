@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from locfuse.io.rosbag.geodesy import SEMI_MAJOR_M, to_plane
+from locfuse.io.geodesy import SEMI_MAJOR_M, to_plane
 
 
 def test_a_degree_of_the_equator_and_of_the_meridian_are_as_long_as_they_are() -> None:
