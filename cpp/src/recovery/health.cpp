@@ -338,13 +338,17 @@ double Health::agreement() const {
 }
 
 std::optional<double> Health::wrong_by_one_source() const {
-  const auto may_be_wrong = [&](const SourceStatus& status) {
-    return says_of_place(status.source) &&
-           seconds_between(status.last_received, stamp_) < config_.faulty_s;
-  };
-  const auto first = std::find_if(sources_.begin(), sources_.end(), may_be_wrong);
-  if (first == sources_.end() || faulty_share(first->source) != config_.faulty_share ||
-      std::any_of(first + 1, sources_.end(), may_be_wrong)) {
+  int contradict = 0;
+  for (const SourceStatus& status : sources_) {
+    if (says_of_place(status.source) &&
+        seconds_between(status.last_received, stamp_) < config_.faulty_s) {
+      if (faulty_share(status.source) != config_.faulty_share) {
+        return std::nullopt;  // a sensor that hardly ever is wrong as a whole
+      }
+      contradict += status.faulty > internal::HealthTuning::kAgreesAgain ? 1 : 0;
+    }
+  }
+  if (contradict > 1) {
     return std::nullopt;
   }
   return odds_measured_ / (1.0 + odds_measured_);

@@ -12,7 +12,9 @@
 namespace locfuse {
 namespace {
 
-constexpr double kInReach = 13.8;  // chi-squared, two degrees of freedom, 0.999
+constexpr double kInReach = 13.8;   // chi-squared, two degrees of freedom, 0.999
+constexpr double kFarSigmas = 5.0;  // beyond which a fix is not of a place
+constexpr double kSlack = 2.0;      // for the arm of an antenna, and odometry since then [m]
 
 const PoseEstimate& planar(const PoseEstimate& estimate) { return estimate; }
 PoseEstimate planar(const AirEstimate& estimate) {
@@ -391,6 +393,11 @@ Outcome RecoveringEkf::correct(const M& z) {
   }
   if (outcome.verdict != Verdict::kStale && search([&](Initializer& start) { give(start, z); })) {
     decide();
+    if constexpr (std::is_same_v<M, PositionFix>) {
+      check_search(z.stamp, z.position, z.covariance);
+    } else if constexpr (std::is_same_v<M, PoseObservation>) {
+      check_search(z.stamp, {z.pose.x, z.pose.y}, z.covariance.template topLeftCorner<2, 2>());
+    }
   }
   return outcome;
 }
@@ -449,7 +456,7 @@ bool RecoveringEkf::search(const Feed& feed) {
     if (!tracker_) {
       throw;
     }
-    start_ = fresh();
+    begin_search();
     return false;
   }
 }
@@ -470,7 +477,7 @@ void RecoveringEkf::listen() {
     ++alarms_;
     const auto* air = std::get_if<AirEkf>(&*tracker_);
     if (recipe_->restarts) {
-      start_ = fresh();
+      begin_search();
     } else if (air != nullptr && recipe_->config.restart) {
       const double wrong = health_.wrong();
       if (!places_) {
@@ -480,6 +487,31 @@ void RecoveringEkf::listen() {
     }
   } else if (!was_lost_) {
     start_.reset();
+  }
+}
+
+void RecoveringEkf::begin_search() {
+  start_ = fresh();
+  search_fits_ = newest_;
+}
+
+/// A search has its places by the first fixes: where those were wrong, and later ones fit none of
+/// them, another one begins.
+void RecoveringEkf::check_search(Stamp stamp, const Vector<2>& position, const Matrix<2, 2>& R) {
+  if (!tracker_ || !start_) {
+    return;
+  }
+  const Initializer::State now = start_->state();
+  const double reach = kSlack + kFarSigmas * std::sqrt(std::max(R.trace(), 0.0));
+  const auto fits = [&](const Initializer::Hypothesis& one) {
+    const PoseEstimate& there = one.estimate;
+    return std::hypot(there.pose.x - position.x(), there.pose.y - position.y()) <=
+           reach + kFarSigmas * there.sigma_position();
+  };
+  if (now.hypotheses.empty() || std::any_of(now.hypotheses.begin(), now.hypotheses.end(), fits)) {
+    search_fits_ = std::max(search_fits_, stamp);
+  } else if (seconds_between(search_fits_, stamp) > recipe_->config.health.faulty_s) {
+    begin_search();
   }
 }
 
@@ -497,6 +529,7 @@ void RecoveringEkf::decide() {
   if (const auto by_one = health_.wrong_by_one_source();
       tracker_ && by_one && !is_in_reach(there)) {
     if (1.0 - *by_one > recipe_->config.health.risk) {
+      begin_search();  // what is believed in the end rests on what was measured last
       return;
     }
     wrong = std::max(wrong, 1.0 - *by_one);
@@ -507,7 +540,7 @@ void RecoveringEkf::decide() {
     start_with(std::move(found));
     health_.start(belief().stamp, wrong);
   } catch (const std::exception&) {
-    start_ = fresh();
+    begin_search();
   }
 }
 

@@ -47,7 +47,9 @@ def to_plane(
 
 
 def to_degrees(x: float, y: float, origin: Origin) -> tuple[float, float]:
-    """Return latitude and longitude [deg] of a point of the map, as `to_plane` takes them.
+    """Return latitude and longitude [deg] of a point of the map on the ellipsoid.
+
+    Raises ValueError for a point farther than the Earth reaches.
 
     Examples
     --------
@@ -58,13 +60,35 @@ def to_degrees(x: float, y: float, origin: Origin) -> tuple[float, float]:
     """
     c, s = math.cos(math.radians(origin[2])), math.sin(math.radians(origin[2]))
     east, north = c * x - s * y, s * x + c * y
-    level = SEMI_MAJOR_M * max(math.cos(math.radians(origin[0])), 1e-6)
-    latitude, longitude = origin[0], origin[1]
-    for _ in range(8):  # Newton on a sphere
-        there = to_plane(latitude, longitude, 0.0, (origin[0], origin[1], 0.0))
-        longitude += math.degrees((east - there[0]) / level)
-        latitude += math.degrees((north - there[1]) / SEMI_MAJOR_M)
-    return latitude, longitude
+    phi, lam = math.radians(origin[0]), math.radians(origin[1])
+    sin_phi, cos_phi, sin_lam, cos_lam = math.sin(phi), math.cos(phi), math.sin(lam), math.cos(lam)
+    here = _centred(origin[0], origin[1], 0.0)
+    level = (here[0] - sin_lam * east - sin_phi * cos_lam * north,
+             here[1] + cos_lam * east - sin_phi * sin_lam * north,
+             here[2] + cos_phi * north)  # fmt: skip
+    up = cos_phi * cos_lam, cos_phi * sin_lam, sin_phi
+    # Along the vertical of the origin to the ellipsoid p' W p = 1.
+    weight = (1.0, 1.0, 1.0 / (1.0 - ECCENTRICITY_SQUARED))
+    uu, up_p, pp = (sum(w * a * b for w, a, b in zip(weight, one, other, strict=True))
+                    for one, other in ((up, up), (up, level), (level, level)))  # fmt: skip
+    under = up_p**2 - uu * (pp - SEMI_MAJOR_M**2)
+    if not under >= 0.0:
+        raise ValueError(f"({x:g}, {y:g}) m is beyond the horizon of the map's origin")
+    height = (math.sqrt(under) - up_p) / uu
+    at = [p + height * u for p, u in zip(level, up, strict=True)]
+    latitude = math.atan2(at[2] / (1.0 - ECCENTRICITY_SQUARED), math.hypot(at[0], at[1]))
+    return math.degrees(latitude), math.degrees(math.atan2(at[1], at[0]))
+
+
+def distance(latitude: float, longitude: float, origin: Origin) -> float:
+    """Return how far a point of WGS 84 is from the origin of a map, in a straight line [m]."""
+    return math.dist(_centred(latitude, longitude, 0.0), _centred(origin[0], origin[1], 0.0))
+
+
+def origin_at(latitude: float, longitude: float) -> Origin:
+    """Return the origin of a map whose x axis points east, its longitude from -180 to 180."""
+    longitude = float(longitude)
+    return float(latitude), math.remainder(longitude, 360.0), 0.0
 
 
 def _centred(latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.geodesy import Origin, to_plane
+from locfuse.io.geodesy import Origin, distance, origin_at, to_plane
 from locfuse.types import MAX_SPEED_MPS, NANOSECONDS, Columns, LogError
 
 FAR_SIGMAS = 5.0  # beyond which two fixes do not agree
@@ -58,7 +58,7 @@ def origin_of(fixes: Columns) -> Origin | None:
     degrees = fixes["latitude_deg"].tolist(), fixes["longitude_deg"].tolist()
     sigma = np.where(fixes["sigma_m"] > 0.0, fixes["sigma_m"], UNKNOWN_SIGMA_M).tolist()
     for row in range(rows):
-        origin = degrees[0][row], degrees[1][row], 0.0
+        origin = origin_at(degrees[0][row], degrees[1][row])
         if row + 1 == rows:
             return origin
         there = to_plane(degrees[0][row + 1], degrees[1][row + 1], 0.0, origin)
@@ -66,6 +66,12 @@ def origin_of(fixes: Columns) -> Origin | None:
         if agree(math.hypot(*there), abs(seconds), math.hypot(sigma[row], sigma[row + 1])):
             return origin
     return None
+
+
+def is_near(table: Columns, origin: Origin) -> NDArray[np.bool_]:
+    """Return which rows of a table are near enough to the origin of the plane."""
+    places = zip(table["latitude_deg"].tolist(), table["longitude_deg"].tolist(), strict=True)
+    return np.array([distance(*place, origin) <= FARTHEST_M for place in places], np.bool_)
 
 
 def in_plane(table: Columns, origin: Origin, where: str) -> Columns:
@@ -77,10 +83,10 @@ def in_plane(table: Columns, origin: Origin, where: str) -> Columns:
     altitude = table.get("altitude_m", np.zeros(len(latitude)))
     places = zip(latitude.tolist(), longitude.tolist(), altitude.tolist(), strict=True)
     at = np.array([to_plane(*place, origin) for place in places]).reshape(-1, 2)
-    for row in np.flatnonzero(np.hypot(at[:, 0], at[:, 1]) > FARTHEST_M)[:1]:
-        distance = math.hypot(*at[row]) / 1000.0
+    for row in np.flatnonzero(~is_near(table, origin))[:1]:
+        away = distance(latitude[row], longitude[row], origin) / 1000.0
         raise LogError(f"{where}: latitude {latitude[row]:g}, longitude {longitude[row]:g} is "
-                       f"{distance:.4g} km from the map's origin at {origin[0]:g}, {origin[1]:g}; "
+                       f"{away:.4g} km from the map's origin at {origin[0]:g}, {origin[1]:g}; "
                        "gps_origin has to be near the drive")  # fmt: skip
     found: dict[str, NDArray[Any]] = {}
     for name, column in table.items():

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from locfuse.io.csv_table import CsvTable, number_texts, read_table, stamp_texts, write_table
 from locfuse.io.geodesy import Origin
-from locfuse.io.georeference import in_plane, is_on_earth, measured, origin_of, origin_sentence
+from locfuse.io.georeference import (
+    in_plane,
+    is_near,
+    is_on_earth,
+    measured,
+    origin_of,
+    origin_sentence,
+)
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
 from locfuse.io.whole import INCOMPLETE, whole_folder
@@ -155,16 +162,22 @@ def read_log(folder: str | Path, gps_origin: Origin | None = None) -> Log:
     folder = Path(folder)
     if not os.path.isdir(folder):
         raise LogError(no_folder(folder))
-    tables = {stem: read_log_file(path, stem) for stem, path in _find_tables(folder).items()}
+    tables = {stem: _read_table(path, stem) for stem, path in _find_tables(folder).items()}
     settings = _read_settings(folder)
-    _check_set(tables, settings, str(folder))
-    return _log_of(folder, tables, settings, gps_origin)
+    log = _log_of(folder, tables, settings, gps_origin)
+    _check_set(log.tables, settings, str(folder))
+    return log
 
 
 def _log_of(
     folder: Path, tables: dict[str, Columns], settings: dict[str, Any], gps_origin: Origin | None
 ) -> Log:
-    settings["gps_origin"] = gps_origin or settings.get("gps_origin")
+    own = settings.get("gps_origin")
+    if gps_origin and own and tuple(gps_origin) != own:
+        raise LogError(f"{folder / 'log.yaml'}: gps_origin is {list(own)}, and that of the "
+                       f"configuration or its world {list(gps_origin)}; expected the same, or one "
+                       "of them")  # fmt: skip
+    settings["gps_origin"] = gps_origin or own
     if any(map(is_on_earth, tables.values())):
         tables, settings["gps_origin"] = _placed(folder, tables, settings["gps_origin"])
     grid = read_map(folder / settings["map"]) if "map" in settings else None
@@ -173,20 +186,14 @@ def _log_of(
 
 def _placed(
     folder: Path, tables: dict[str, Columns], origin: Origin | None
-) -> tuple[dict[str, Columns], Origin]:
+) -> tuple[dict[str, Columns], Origin | None]:
     """Return tables with latitudes and longitudes in metres, and where the map begins."""
     on_earth = [stem for stem in tables if is_on_earth(tables[stem])]
     if "positions" in on_earth:
-        rows = len(tables["positions"]["stamp_ns"])
-        tables["positions"] = measured(tables["positions"])
-        lost = rows - len(tables["positions"]["stamp_ns"])
-        if lost:
-            logger.warning("%s: %d of %d positions are without a fix, and left out",
-                           folder, lost, rows)  # fmt: skip
-        if origin is None:
-            origin = origin_of(tables["positions"])
-            if origin is not None:
-                logger.warning("%s: %s", folder, origin_sentence(origin))
+        tables["positions"], origin = _placed_fixes(folder, tables["positions"], origin)
+        on_earth.remove("positions")
+    if not on_earth:
+        return tables, origin
     if origin is None:
         raise LogError(f"{folder}: {' and '.join(on_earth)} have latitudes and no fix says where "
                        "the map begins; expected gps_origin: [latitude, longitude, heading] in "
@@ -194,6 +201,26 @@ def _placed(
     for stem in on_earth:
         tables[stem] = in_plane(tables[stem], origin, f"{folder}: {stem}")
     return tables, origin
+
+
+def _placed_fixes(
+    folder: Path, received: Columns, origin: Origin | None
+) -> tuple[Columns, Origin | None]:
+    """Return positions in metres without those that are none, and where the map begins."""
+    fixes = measured(received)
+    if origin is None:
+        origin = origin_of(fixes)
+        if origin is not None:
+            logger.warning("%s: %s", folder, origin_sentence(origin))
+    at = origin or (0.0, 0.0, 0.0)
+    near = is_near(fixes, at)
+    if near.any():  # else the origin is wrong
+        fixes = {name: column[near] for name, column in fixes.items()}
+    lost = len(received["stamp_ns"]) - len(fixes["stamp_ns"])
+    if lost:
+        logger.warning("%s: %d of %d positions are without a fix or far away, and left out",
+                       folder, lost, len(received["stamp_ns"]))  # fmt: skip
+    return in_plane(fixes, at, f"{folder}: positions"), origin
 
 
 def read_world(folder: str | Path, gps_origin: Origin | None = None) -> Log:
@@ -220,7 +247,7 @@ def read_world(folder: str | Path, gps_origin: Origin | None = None) -> Log:
     if not os.path.isdir(folder):
         raise LogError(no_folder(folder))
     paths = {stem: path for stem, path in _find_tables(folder).items() if stem in OF_THE_WORLD}
-    tables = {stem: read_log_file(path, stem) for stem, path in paths.items()}
+    tables = {stem: _read_table(path, stem) for stem, path in paths.items()}
     settings = _read_settings(folder)
     if not tables and not settings:
         files = ", ".join(f"{stem}.csv" for stem in OF_THE_WORLD)
@@ -353,8 +380,16 @@ def _check_set(tables: Mapping[str, Columns], settings: Mapping[str, Any], where
 def read_log_file(path: Path, stem: str) -> Columns:
     """Read one file of a log folder, whatever it is called and wherever it is.
 
-    `stem` says which file of the format it is: a key of `SCHEMA`. Raises LogError as `read_log`.
+    `stem` says which file of the format it is: a key of `SCHEMA`. Raises LogError as `read_log`,
+    and for latitudes, which need the folder that says where the map begins.
     """
+    table = _read_table(path, stem)
+    if is_on_earth(table):
+        raise LogError(f"{path}: latitudes need a log folder with gps_origin; expected x_m, y_m")
+    return table
+
+
+def _read_table(path: Path, stem: str) -> Columns:
     file = read_table(path)
     form = _form(stem, file.header, f"{path}, line {file.first_line - 1}")
     kinds = "".join(_kind(name) for name in file.header)

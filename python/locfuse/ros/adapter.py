@@ -16,7 +16,8 @@ from pydantic import ValidationError
 
 from locfuse.config.ros import POSE, TYPES, Ros, plain, types_of
 from locfuse.config.schema import SOURCES, RunConfig, ignored_by, places_antennas
-from locfuse.io.geodesy import Origin, to_degrees, to_plane
+from locfuse.io.geodesy import Origin, distance, to_degrees, to_plane
+from locfuse.io.georeference import FARTHEST_M
 from locfuse.io.log_folder import read_world
 from locfuse.io.rosbag import clouds, decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
@@ -86,9 +87,11 @@ class Adapter:
         self._config = config
         ros = config.ros
         published = Log(tables={})
+        self._origin_is_given = ros.gps_origin is not None
         if ros.world is not None:
             published = read_world((Path() if base is None else base) / ros.world, ros.gps_origin)
             ros = ros.model_copy(update={"gps_origin": published.gps_origin})
+            self._origin_is_given = ros.gps_origin is not None
             self._config = config.model_copy(update={"ros": ros})
         self._world = World(published, ros.frames.base)
         self._live = LiveRun(config, published) if self._is_enough(published) else None
@@ -556,7 +559,7 @@ class Adapter:
         on the Earth, or where ``ros.gps_origin`` says where ``ros.world`` is.
         """
         ros, turned = self._config.ros, at.orientation
-        if ros.world is not None and ros.gps_origin is not None:
+        if ros.world is not None and self._origin_is_given:
             raise ConfigError("ros.gps_origin says where the map of ros.world begins")
         is_set = (turned.x, turned.y, turned.z, turned.w) != (0.0, 0.0, 0.0, 0.0)
         try:
@@ -574,15 +577,24 @@ class Adapter:
     def from_degrees(self, latitude: float, longitude: float) -> tuple[float, float]:
         """Return x and y [m] in the map of a latitude and longitude [deg].
 
-        Raises ConfigError as long as nothing says where on the Earth the map begins.
+        Raises ConfigError as long as nothing says where on the Earth the map begins, and for what
+        is far from there.
         """
-        return to_plane(latitude, longitude, 0.0, self._origin())
+        origin = self._origin()
+        if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0
+                and distance(latitude, longitude, origin) <= FARTHEST_M):  # fmt: skip
+            raise ConfigError(f"latitude {latitude:g}, longitude {longitude:g} is not near the "
+                              f"map's origin at {origin[0]:g}, {origin[1]:g}")  # fmt: skip
+        return to_plane(latitude, longitude, 0.0, origin)
 
     def to_degrees(self, x: float, y: float) -> tuple[float, float]:
         """Return latitude and longitude [deg] of a point [m] of the map.
 
-        Raises ConfigError as long as nothing says where on the Earth the map begins.
+        Raises ConfigError as long as nothing says where on the Earth the map begins, and for what
+        is far from there.
         """
+        if not math.hypot(x, y) <= FARTHEST_M:
+            raise ConfigError(f"({x:g}, {y:g}) m is not near the map's origin")
         return to_degrees(x, y, self._origin())
 
     def _origin(self) -> Origin:

@@ -479,6 +479,37 @@ TEST(RecoveringEkf, fixes_that_stay_elsewhere_are_believed_in_the_end) {
   EXPECT_LT(garage.drive.off(garage.ekf), 0.5);
 }
 
+/// The first fixes after a silence are those of neither place.
+TEST(RecoveringEkf, fixes_that_were_wrong_for_a_moment_do_not_keep_it_lost) {
+  Garage garage;
+  garage.ekf.on(garage.fix(0.0));
+  garage.drive_on(30.0, 0.0);
+  garage.drive_on(70.0, std::nullopt);
+  garage.drive.truth.x += 60.0;
+  garage.drive_on(3.0, 90.0);
+  garage.drive_on(240.0, 0.0);
+  EXPECT_FALSE(garage.ekf.is_lost());
+  EXPECT_LT(garage.drive.off(garage.ekf), 0.5);
+}
+
+TEST(RecoveringEkf, an_anchor_that_agrees_with_the_pose_does_not_speak_for_wrong_fixes) {
+  Garage garage{RecoveringEkf(config(), {testing::hall(), testing::one_tag()})};
+  const auto range = [&] {
+    garage.ekf.on(testing::range_to(0, garage.drive.truth, garage.drive.stamp, 0.0));
+  };
+  garage.ekf.on(garage.fix(0.0));
+  garage.drive_on(30.0, 0.0);
+  garage.drive_on(70.0, std::nullopt);
+  for (int k = 0; k < 25; ++k) {
+    EXPECT_LT(garage.drive_on(1.0, 60.0), 10.0) << k;
+    range();
+  }
+  EXPECT_EQ(garage.ekf.restarts(), 0);
+  garage.drive_on(20.0, 0.0);
+  EXPECT_FALSE(garage.ekf.is_lost());
+  EXPECT_LT(garage.drive.off(garage.ekf), 0.5);
+}
+
 /// One in ten of wrong fixes comes near enough to be fused, were they not left out.
 TEST(RecoveringEkf, a_receiver_that_is_wrong_as_a_whole_is_left_out_until_it_agrees) {
   Garage garage;

@@ -13,8 +13,10 @@ import pytest
 from locfuse.config.load import parse_config
 from locfuse.config.ros import Ros
 from locfuse.io.geodesy import to_degrees, to_plane
-from locfuse.io.log_folder import read_log, read_world, write_log
+from locfuse.io.log_folder import read_log, read_log_file, read_world, write_log
 from locfuse.io.recording import read_recording
+from locfuse.io.rosbag.bag_reader import read_bag
+from locfuse.io.rosbag.bag_writer import write_bag
 from locfuse.run.run import load_log, run
 from locfuse.types import Log, LogError
 
@@ -49,11 +51,50 @@ def test_metres_are_those_of_the_plane_at_the_fix(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again["positions"]["x_m"], log["positions"]["x_m"])
 
 
-def test_the_configuration_goes_before_the_log(tmp_path: Path) -> None:
-    path = folder(tmp_path / "log", FIXES + rows(HERE[:2]), log_yaml="gps_origin: [48, 11, 0]\n")
-    log = read_recording(path, Ros(gps_origin=HERE))
+def test_the_configuration_may_say_where_the_map_begins_but_nothing_else(tmp_path: Path) -> None:
+    log = read_recording(folder(tmp_path / "a", FIXES + rows(HERE[:2])), Ros(gps_origin=HERE))
     assert log.gps_origin == HERE
     assert (log["positions"]["x_m"][0], log["positions"]["y_m"][0]) == pytest.approx((0, 0))
+    write_log(log, tmp_path / "b")
+    assert read_recording(tmp_path / "b", Ros(gps_origin=HERE)).gps_origin == HERE
+    with pytest.raises(LogError, match=r"log\.yaml: gps_origin is \[48\.137, .* expected the same"):
+        read_recording(tmp_path / "b", Ros(gps_origin=(48.0, 11.0, 0.0)))
+
+
+def test_a_bag_of_it_keeps_the_origin(tmp_path: Path) -> None:
+    log = read_log(folder(tmp_path / "a", FIXES + rows(HERE[:2], (48.1371, 11.575))), HERE)
+    write_bag(log, tmp_path / "drive.mcap")
+    back = read_bag(tmp_path / "drive.mcap")
+    assert back.gps_origin == HERE
+    np.testing.assert_array_equal(back["positions"]["y_m"], log["positions"]["y_m"])
+
+
+def test_a_receiver_without_a_fix_and_one_that_leaps_lose_only_their_rows(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    none = "stamp_s,latitude_deg,longitude_deg,quality\n0,0,0,0\n"
+    odometry = "stamp_s,v_mps,omega_radps\n0,0,0\n1,0,0\n"
+    indoors = read_log(folder(tmp_path / "a", none, odometry_csv=odometry))
+    assert (len(indoors["positions"]["x_m"]), indoors.gps_origin) == (0, None)
+    with pytest.raises(LogError, match="no message"):
+        read_log(folder(tmp_path / "b", none))
+    leap = FIXES + rows(HERE[:2], HERE[:2], (10.0, 11.575), HERE[:2])
+    assert len(read_log(folder(tmp_path / "c", leap))["positions"]["x_m"]) == 3
+    assert "1 of 4 positions are without a fix or far away" in caplog.text
+
+
+def test_longitudes_from_0_to_360_are_written_too(tmp_path: Path) -> None:
+    log = read_log(folder(tmp_path / "a", FIXES + rows((48.0, 350.0), (48.0, 350.0001))))
+    assert log.gps_origin == (48.0, -10.0, 0.0)
+    write_log(log, tmp_path / "b")
+    assert log["positions"]["x_m"][1] == pytest.approx(7.47, abs=0.01)
+
+
+def test_one_file_alone_has_no_place_for_degrees(tmp_path: Path) -> None:
+    path = tmp_path / "anchors.csv"
+    path.write_text("anchor,latitude_deg,longitude_deg,z_m\nA,48,11,2\n")
+    with pytest.raises(LogError, match="latitudes need a log folder"):
+        read_log_file(path, "anchors")
 
 
 def test_the_first_fix_that_another_confirms_is_the_origin(
@@ -64,13 +105,12 @@ def test_the_first_fix_that_another_confirms_is_the_origin(
     with caplog.at_level(logging.WARNING, "locfuse"):
         log = read_log(folder(tmp_path / "log", text))
     assert log.gps_origin == HERE
-    assert "1 of 4 positions are without a fix, and left out" in caplog.text
+    assert "1 of 4 positions are without a fix or far away, and left out" in caplog.text
     assert "the map's origin is the first fix, at latitude 48.137 and longitude 11.575" in (
         caplog.text
     )
-    assert np.hypot(log["positions"]["x_m"], log["positions"]["y_m"])[1:] == pytest.approx(
-        [0.0, 1.112], abs=0.01
-    )
+    at = np.hypot(log["positions"]["x_m"], log["positions"]["y_m"])
+    assert at[1:] == pytest.approx([0.0, 1.112], abs=0.01)
 
 
 def test_qualities_choose_sigmas_and_rows_without_a_fix_go(tmp_path: Path) -> None:

@@ -172,8 +172,8 @@ class Health {
   [[nodiscard]] PoseEstimate doubted(PoseEstimate estimate, double wrong) const;
   /// Probability that the pose is wrong.
   [[nodiscard]] double wrong() const { return odds_ / (1.0 + odds_); }
-  /// The same without what silence adds, where within faulty_s one source alone spoke of the place,
-  /// which may be the one that is wrong; empty where several did, or none.
+  /// The same without what silence adds, where of the sources within faulty_s one at most
+  /// contradicts the pose, so that it may be the one that is wrong; empty where several do.
   [[nodiscard]] std::optional<double> wrong_by_one_source() const;
   [[nodiscard]] bool is_lost() const { return lost_; }
   /// Whether measurements of a source should not be fused until it agrees again.

@@ -171,6 +171,8 @@ class RecoveringEkf {
   void record(const M& z, const Outcome& outcome);
   void listen();  // to what health says
   void decide();
+  void begin_search();
+  void check_search(Stamp stamp, const Vector<2>& position, const Matrix<2, 2>& R);
   template <class Feed>
   [[nodiscard]] bool search(const Feed& feed);
   [[nodiscard]] Outcome watch(const PoseObservation& z);
@@ -190,7 +192,8 @@ class RecoveringEkf {
   Health health_;
   std::optional<PoseWatch> watch_;
   std::optional<std::variant<Velocity, Increment>> control_;  // the last odometry
-  Stamp newest_ = 0;  // of the measurements received while it tracked, fused or not
+  Stamp newest_ = 0;       // of the measurements received while it tracked, fused or not
+  Stamp search_fits_ = 0;  // the last fix that a place of the search explained
   bool was_lost_ = false;
   int alarms_ = 0;
   int restarts_ = 0;

@@ -43,7 +43,7 @@ def log_of(contents: BagContents, tables: dict[str, Columns]) -> Log | None:
         licence=described.get("licence", ""),
         landmark_sensor=_landmark_sensor(contents, described.get("landmark_sensor"), world),
         origin="bag",
-        gps_origin=contents.fixes.origin or described.get("gps_origin"),
+        gps_origin=described.get("gps_origin") or contents.fixes.origin,
     )
 
 

@@ -38,7 +38,8 @@ def text_of(log: Log, shift_ns: int) -> str:
     given = {"tags": {name: list(at) for name, at in log.tags.items()}, "laser": log.laser,
             "lasers": dict(log.lasers), "landmark_sensor": log.landmark_sensor,
             "map": log.map if log.grid else None, "description": log.description,
-            "licence": log.licence}  # fmt: skip
+            "licence": log.licence,
+            "gps_origin": list(log.gps_origin) if log.gps_origin else None}  # fmt: skip
     data = {
         "format": FORMAT,
         "shift_ns": shift_ns,

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from locfuse.io.geodesy import Origin
+from locfuse.io.geodesy import Origin, origin_at
 from locfuse.io.georeference import UNKNOWN_SIGMA_M, agree, origin_sentence
 from locfuse.io.rosbag import decode
 from locfuse.io.rosbag.decode import FixRow, MessageError
@@ -74,7 +74,7 @@ class Fixes:
 
 
 def _origin_at(message: Any) -> Origin:
-    return float(message.latitude), float(message.longitude), 0.0
+    return origin_at(message.latitude, message.longitude)
 
 
 def _rows_from(first: Any, *others: Any) -> list[FixRow]:
