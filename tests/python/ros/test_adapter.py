@@ -417,10 +417,13 @@ def test_a_datum_says_where_the_map_begins_and_begins_anew() -> None:
     assert robot.health()["message"] == "nothing has been received yet"
     robot.adapter.set_datum(geo_pose(48.0, 11.0))  # an orientation that nobody set
     assert robot.adapter.from_degrees(48.0, 11.001) == pytest.approx((74.6, 0.0), abs=0.05)
+    for ask in (robot.adapter.from_degrees, robot.adapter.to_degrees):
+        with pytest.raises(ConfigError, match="is not near the map's origin"):
+            ask(7e6, 7e6)
     for wrong in (geo_pose(91.0, 0.0), geo_pose(np.nan, 0.0), geo_pose(48.0, 11.0, np.inf)):
         with pytest.raises(ConfigError, match="no place on the Earth"):
             robot.adapter.set_datum(wrong)
-    assert robot.adapter.to_degrees(0.0, 0.0) == (48.0, 11.0)
+    assert robot.adapter.to_degrees(0.0, 0.0) == pytest.approx((48.0, 11.0), abs=1e-12)
 
 
 def test_a_world_on_the_earth_is_placed_by_its_own_origin(tmp_path: Path) -> None:
