@@ -68,26 +68,26 @@ def origin_of(fixes: Columns) -> Origin | None:
     return None
 
 
-def is_near(table: Columns, origin: Origin) -> NDArray[np.bool_]:
-    """Return which rows of a table are near enough to the origin of the plane."""
-    places = zip(table["latitude_deg"].tolist(), table["longitude_deg"].tolist(), strict=True)
-    return np.array([distance(*place, origin) <= FARTHEST_M for place in places], np.bool_)
-
-
-def in_plane(table: Columns, origin: Origin, where: str) -> Columns:
+def in_plane(table: Columns, origin: Origin, where: str, *, may_leap: bool = False) -> Columns:
     """Return a table with `x_m` and `y_m` in the map in place of latitude, longitude and altitude.
 
-    Raises LogError, which begins with `where`, for a place too far from the origin.
+    Without the rows too far from the origin where a place `may_leap`, unless all are. Raises
+    LogError, which begins with `where`, for any other place too far from it.
     """
+    places = zip(table["latitude_deg"].tolist(), table["longitude_deg"].tolist(), strict=True)
+    away = np.array([distance(*place, origin) for place in places])
+    far = away > FARTHEST_M
+    if may_leap and not far.all():
+        table = {name: column[~far] for name, column in table.items()}
+        far = far[~far]
     latitude, longitude = table["latitude_deg"], table["longitude_deg"]
-    altitude = table.get("altitude_m", np.zeros(len(latitude)))
-    places = zip(latitude.tolist(), longitude.tolist(), altitude.tolist(), strict=True)
-    at = np.array([to_plane(*place, origin) for place in places]).reshape(-1, 2)
-    for row in np.flatnonzero(~is_near(table, origin))[:1]:
-        away = distance(latitude[row], longitude[row], origin) / 1000.0
+    for row in np.flatnonzero(far)[:1]:
         raise LogError(f"{where}: latitude {latitude[row]:g}, longitude {longitude[row]:g} is "
-                       f"{away:.4g} km from the map's origin at {origin[0]:g}, {origin[1]:g}; "
-                       "gps_origin has to be near the drive")  # fmt: skip
+                       f"{away[row] / 1000.0:.4g} km from the map's origin at {origin[0]:g}, "
+                       f"{origin[1]:g}; gps_origin has to be near the drive")  # fmt: skip
+    altitude = table.get("altitude_m", np.zeros(len(latitude)))
+    points = zip(latitude.tolist(), longitude.tolist(), altitude.tolist(), strict=True)
+    at = np.array([to_plane(*point, origin) for point in points]).reshape(-1, 2)
     found: dict[str, NDArray[Any]] = {}
     for name, column in table.items():
         if name == "latitude_deg":

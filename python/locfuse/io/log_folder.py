@@ -16,14 +16,7 @@ from numpy.typing import NDArray
 
 from locfuse.io.csv_table import CsvTable, number_texts, read_table, stamp_texts, write_table
 from locfuse.io.geodesy import Origin
-from locfuse.io.georeference import (
-    in_plane,
-    is_near,
-    is_on_earth,
-    measured,
-    origin_of,
-    origin_sentence,
-)
+from locfuse.io.georeference import in_plane, is_on_earth, measured, origin_of, origin_sentence
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
 from locfuse.io.maps import read_map, write_map
 from locfuse.io.whole import INCOMPLETE, whole_folder
@@ -212,15 +205,13 @@ def _placed_fixes(
         origin = origin_of(fixes)
         if origin is not None:
             logger.warning("%s: %s", folder, origin_sentence(origin))
-    at = origin or (0.0, 0.0, 0.0)
-    near = is_near(fixes, at)
-    if near.any():  # else the origin is wrong
-        fixes = {name: column[near] for name, column in fixes.items()}
-    lost = len(received["stamp_ns"]) - len(fixes["stamp_ns"])
+    at = origin or (0.0, 0.0, 0.0)  # of no fix at all
+    placed = in_plane(fixes, at, f"{folder}: positions", may_leap=True)
+    lost = len(received["stamp_ns"]) - len(placed["stamp_ns"])
     if lost:
         logger.warning("%s: %d of %d positions are without a fix or far away, and left out",
                        folder, lost, len(received["stamp_ns"]))  # fmt: skip
-    return in_plane(fixes, at, f"{folder}: positions"), origin
+    return placed, origin
 
 
 def read_world(folder: str | Path, gps_origin: Origin | None = None) -> Log:

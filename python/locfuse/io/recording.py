@@ -37,15 +37,22 @@ def read_recording(
     `read_world` or `read_bag`.
     """
     path = Path(path)
-    ros = Ros() if ros is None else ros
-    world = None
-    if ros.world is not None:
-        world = read_world((Path() if base is None else base) / ros.world, ros.gps_origin)
-        ros = ros.model_copy(update={"gps_origin": world.gps_origin})
+    world, ros = world_of(Ros() if ros is None else ros, base)
     if not is_bag(path):
         log = read_log(path, ros.gps_origin)
         return log if world is None else with_world(log, world)
     return read_bag(path, ros, world, progress, antennas=antennas)
+
+
+def world_of(ros: Ros, base: Path | None = None) -> tuple[Log | None, Ros]:
+    """Return what ``ros.world``, relative to `base`, says, and `ros` with where its map begins.
+
+    Raises LogError as `read_world`.
+    """
+    if ros.world is None:
+        return None, ros
+    world = read_world((Path() if base is None else base) / ros.world, ros.gps_origin)
+    return world, ros.model_copy(update={"gps_origin": world.gps_origin})
 
 
 def convert_recording(

@@ -18,7 +18,7 @@ from locfuse.config.ros import POSE, TYPES, Ros, plain, types_of
 from locfuse.config.schema import SOURCES, RunConfig, ignored_by, places_antennas
 from locfuse.io.geodesy import Origin, distance, to_degrees, to_plane
 from locfuse.io.georeference import FARTHEST_M
-from locfuse.io.log_folder import read_world
+from locfuse.io.recording import world_of
 from locfuse.io.rosbag import clouds, decode, encode, rows
 from locfuse.io.rosbag.decode import MessageError
 from locfuse.io.rosbag.encode import Publication
@@ -84,15 +84,10 @@ class Adapter:
         if config.watch_poses:  # whose localizer publishes map -> odom
             ros = config.ros.model_copy(update={"publish_transform": False})
             config = config.model_copy(update={"ros": ros})
-        self._config = config
-        ros = config.ros
-        published = Log(tables={})
+        world, ros = world_of(config.ros, base)
+        published = Log(tables={}) if world is None else world
+        self._config = config = config.model_copy(update={"ros": ros})
         self._origin_is_given = ros.gps_origin is not None
-        if ros.world is not None:
-            published = read_world((Path() if base is None else base) / ros.world, ros.gps_origin)
-            ros = ros.model_copy(update={"gps_origin": published.gps_origin})
-            self._origin_is_given = ros.gps_origin is not None
-            self._config = config.model_copy(update={"ros": ros})
         self._world = World(published, ros.frames.base)
         self._live = LiveRun(config, published) if self._is_enough(published) else None
         self._publications = PublicationBuilder(ros)

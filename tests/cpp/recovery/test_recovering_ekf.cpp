@@ -425,9 +425,19 @@ TEST(RecoveringEkf, position_fixes_find_it_again_too) {
 /// A vehicle whose receiver is silent for a while, and then says for some time that it is
 /// elsewhere, each fix in agreement with the others and with the wheels.
 struct Garage {
-  RecoveringEkf ekf{config(), {}};
+  RecoveringEkf ekf;
   Drive drive{12};
   double seconds = 0.0;
+
+  /// Drives for half a minute on good fixes, and without any for `silence` [s].
+  explicit Garage(double silence, const World& world = {}) : ekf(config(), world) {
+    ekf.on(fix(0.0));
+    drive_on(30.0, 0.0);
+    EXPECT_FALSE(ekf.is_lost());
+    drive_on(silence, std::nullopt);
+  }
+
+  [[nodiscard]] bool is_right() const { return !ekf.is_lost() && drive.off(ekf) < 0.5; }
 
   [[nodiscard]] PositionFix fix(double off) {
     PositionFix z;
@@ -454,67 +464,48 @@ struct Garage {
 
 TEST(RecoveringEkf, fixes_that_are_wrong_after_a_silence_do_not_win) {
   for (const double silence : {0.0, 20.0, 70.0, 300.0}) {
-    Garage garage;
-    garage.ekf.on(garage.fix(0.0));
-    garage.drive_on(30.0, 0.0);
-    ASSERT_FALSE(garage.ekf.is_lost());
-    garage.drive_on(silence, std::nullopt);
+    Garage garage(silence);
     EXPECT_LT(garage.drive_on(25.0, 60.0), 10.0) << silence;
     EXPECT_EQ(garage.ekf.restarts(), 0) << silence;
     EXPECT_LT(garage.drive_on(20.0, 0.0), 10.0) << silence;
-    EXPECT_FALSE(garage.ekf.is_lost()) << silence;
-    EXPECT_LT(garage.drive.off(garage.ekf), 0.5) << silence;
+    EXPECT_TRUE(garage.is_right()) << silence;
   }
 }
 
 TEST(RecoveringEkf, fixes_that_stay_elsewhere_are_believed_in_the_end) {
-  Garage garage;
-  garage.ekf.on(garage.fix(0.0));
-  garage.drive_on(30.0, 0.0);
-  garage.drive_on(70.0, std::nullopt);
+  Garage garage(70.0);
   garage.drive.truth.x += 60.0;
   garage.drive_on(150.0, 0.0);
   EXPECT_EQ(garage.ekf.restarts(), 1);
-  EXPECT_FALSE(garage.ekf.is_lost());
-  EXPECT_LT(garage.drive.off(garage.ekf), 0.5);
+  EXPECT_TRUE(garage.is_right());
 }
 
 /// The first fixes after a silence are those of neither place.
 TEST(RecoveringEkf, fixes_that_were_wrong_for_a_moment_do_not_keep_it_lost) {
-  Garage garage;
-  garage.ekf.on(garage.fix(0.0));
-  garage.drive_on(30.0, 0.0);
-  garage.drive_on(70.0, std::nullopt);
+  Garage garage(70.0);
   garage.drive.truth.x += 60.0;
   garage.drive_on(3.0, 90.0);
   garage.drive_on(240.0, 0.0);
-  EXPECT_FALSE(garage.ekf.is_lost());
-  EXPECT_LT(garage.drive.off(garage.ekf), 0.5);
+  EXPECT_TRUE(garage.is_right());
 }
 
 TEST(RecoveringEkf, an_anchor_that_agrees_with_the_pose_does_not_speak_for_wrong_fixes) {
-  Garage garage{RecoveringEkf(config(), {testing::hall(), testing::one_tag()})};
+  Garage garage(70.0, {testing::hall(), testing::one_tag()});
   const auto range = [&] {
     garage.ekf.on(testing::range_to(0, garage.drive.truth, garage.drive.stamp, 0.0));
   };
-  garage.ekf.on(garage.fix(0.0));
-  garage.drive_on(30.0, 0.0);
-  garage.drive_on(70.0, std::nullopt);
   for (int k = 0; k < 25; ++k) {
     EXPECT_LT(garage.drive_on(1.0, 60.0), 10.0) << k;
     range();
   }
   EXPECT_EQ(garage.ekf.restarts(), 0);
   garage.drive_on(20.0, 0.0);
-  EXPECT_FALSE(garage.ekf.is_lost());
-  EXPECT_LT(garage.drive.off(garage.ekf), 0.5);
+  EXPECT_TRUE(garage.is_right());
 }
 
 /// One in ten of wrong fixes comes near enough to be fused, were they not left out.
 TEST(RecoveringEkf, a_receiver_that_is_wrong_as_a_whole_is_left_out_until_it_agrees) {
-  Garage garage;
-  garage.ekf.on(garage.fix(0.0));
-  garage.drive_on(30.0, 0.0);
+  Garage garage(0.0);
   garage.drive_on(3.0, 3.0);
   const GaussianBelief before = garage.ekf.belief();
   const Outcome near = garage.ekf.on(garage.fix(0.0));

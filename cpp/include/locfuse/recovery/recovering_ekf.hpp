@@ -21,9 +21,9 @@ namespace locfuse {
 /// as it was, with a covariance that says so, but another Initializer begins beside it. Whichever
 /// explains first what is measured is believed; on the word of one source alone that the belief
 /// contradicts, only once that source has likelier come right than stayed wrong. Derivation:
-/// docs/health.md. A LandmarkEkf, whose
-/// map is relative to where it began, is not started anew. An AirEkf is searched for in space, by
-/// an AirSum, whenever its belief is too vague for single ranges: docs/air.md.
+/// docs/health.md. A LandmarkEkf, whose map is relative to where it began, is not started anew. An
+/// AirEkf is searched for in space, by an AirSum, whenever its belief is too vague for single
+/// ranges: docs/air.md.
 ///
 /// With a `tag_conditioner` fixes of tags are conditioned before the tracker fuses them. One that
 /// is rejected is kImplausible, with the distance and the limit of ConditionedFix as `residual` and
