@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from locfuse.io.log_folder import QUATERNION, write_log
-from locfuse.types import Columns, Log
+from locfuse.io.log_folder import write_log
+from locfuse.types import QUATERNION, Columns, Log
 from papers.datasets.source import heading_of, read_source, runs_of
 
 TAG = "tag"

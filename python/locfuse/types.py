@@ -7,7 +7,8 @@ import difflib
 import os
 import reprlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ Columns = Mapping[str, NDArray[Any]]
 
 NANOSECONDS = 1_000_000_000
 
+QUATERNION = ("qw", "qx", "qy", "qz")  # of a rotation from body to world
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # cells of a GridMap
 _BY_RANK = np.array([FREE, UNKNOWN, OCCUPIED], np.int8)  # what a cell of several becomes: the last
 _SLACK = 1e-9  # cells; edges closer than this to one another are the same
@@ -42,6 +44,7 @@ class ConfigError(ValueError):
 # impossible dates, numbers and characters, and brackets without end.
 YAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError)
 
+_AXES = ("x_m", "y_m", "heading_rad")
 MAX_REASON = 200  # letters; some errors of other libraries quote what they could not read
 
 _SHORT = reprlib.Repr()
@@ -84,8 +87,64 @@ def no_folder(path: Path) -> str:
     return f"{path}: is a file; expected a folder" if exists else f"{path}: no such folder"
 
 
-@dataclass(frozen=True)
-class Trajectory:
+class Shown:
+    """A dataclass whose repr says what its fields are like, not every number."""
+
+    def __repr__(self) -> str:
+        named = ((f.name, getattr(self, f.name)) for f in fields(self) if f.repr)  # type: ignore[arg-type]
+        parts = (f"{name}={_likeness(value)}" for name, value in named if value is not None)
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+
+def _likeness(value: object) -> str:
+    """Return what a value is like: of an array type and shape, of a mapping its keys."""
+    if isinstance(value, np.ndarray):
+        return f"{'str' if value.dtype.kind == 'U' else value.dtype}{value.shape}"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(map(shown, value))}}}"
+    if isinstance(value, tuple) and value and isinstance(value[0], Shown):
+        return f"{len(value)} of {type(value[0]).__name__}"
+    return repr(value) if isinstance(value, Shown) else shown(value)
+
+
+class Table(Shown):
+    """Rows over time, or of landmarks, that are columns of equal length by themselves."""
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of the file of the same name in a folder of results, in its order.
+
+        ``stamp_ns`` stands for ``stamp_s``.
+        """
+        raise NotImplementedError
+
+    def to_pandas(self) -> Any:
+        """Return a pandas.DataFrame of `columns`; ``stamp_s``, seconds, is the index.
+
+        Raises ImportError if the package pandas is not installed.
+        """
+        try:
+            pandas = import_module("pandas")
+        except ModuleNotFoundError as error:
+            raise ImportError("to_pandas needs the package pandas: pip install pandas") from error
+        columns = self.columns()
+        stamp_ns = columns.pop("stamp_ns", None)
+        if stamp_ns is None:
+            return pandas.DataFrame(columns)
+        index = pandas.Index(stamp_ns / NANOSECONDS, name="stamp_s")
+        return pandas.DataFrame(columns, index=index)
+
+    def _repr_html_(self) -> str:
+        return _page(self)
+
+
+def _page(value: object) -> str:
+    """Return what a notebook shows. The report, which draws it, is of a room above this one."""
+    html: str = import_module("locfuse.report.notebook").html(value)
+    return html
+
+
+@dataclass(frozen=True, repr=False)
+class Trajectory(Table):
     """Poses over time in the world frame.
 
     Attributes
@@ -133,6 +192,27 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of ``estimate.csv`` that are known."""
+        found: dict[str, NDArray[Any]] = {"stamp_ns": self.stamp_ns}
+        found["x_m"], found["y_m"] = self.position.T
+        if self.heading is not None:
+            found["heading_rad"] = self.heading
+        if self.covariance is not None:
+            for row, first in enumerate(names := ("x", "y", "heading")):
+                for column, second in enumerate(names[row:], row):
+                    found[f"cov_{first}_{second}"] = self.covariance[:, row, column]
+        if self.height is not None:
+            found["z_m"] = self.height
+        if self.height_variance is not None:
+            found["cov_z_z"] = self.height_variance
+        if self.orientation is not None:
+            found.update(zip(QUATERNION, self.orientation.T, strict=True))
+        if (tilt := self.orientation_covariance) is not None:
+            found["cov_tilt_x_x"], found["cov_tilt_x_y"] = tilt[:, 0, 0], tilt[:, 0, 1]
+            found["cov_tilt_y_y"] = tilt[:, 1, 1]
+        return found
+
 
 def rows_of(track: Trajectory, rows: NDArray[Any]) -> Trajectory:
     """Return some rows of a trajectory, chosen by a mask or by indices that increase."""
@@ -145,8 +225,8 @@ def rows_of(track: Trajectory, rows: NDArray[Any]) -> Trajectory:
     )
 
 
-@dataclass(frozen=True)
-class GridMap:
+@dataclass(frozen=True, repr=False)
+class GridMap(Shown):
     """A floor plan of square cells.
 
     Attributes
@@ -284,8 +364,8 @@ def _highest(rank: NDArray[np.int8], axis: int, ratio: float) -> NDArray[np.int8
     return np.moveaxis(found, 0, axis)
 
 
-@dataclass(frozen=True)
-class Log:
+@dataclass(frozen=True, repr=False)
+class Log(Shown):
     """A recording: one table per message kind, and the geometry that goes with it.
 
     Attributes
@@ -359,8 +439,8 @@ class Log:
         return self.tables[stem]
 
 
-@dataclass(frozen=True)
-class Outcomes:
+@dataclass(frozen=True, repr=False)
+class Outcomes(Table):
     """What became of each message, one row per message in order of delivery.
 
     Attributes
@@ -398,9 +478,13 @@ class Outcomes:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of ``outcomes.csv``."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
-@dataclass(frozen=True)
-class Hypothesis:
+
+@dataclass(frozen=True, repr=False)
+class Hypothesis(Shown):
     """A pose that fits: ``pose`` (3,) x, y [m], heading [rad], its covariance, its probability."""
 
     pose: FloatArray
@@ -408,8 +492,8 @@ class Hypothesis:
     probability: float
 
 
-@dataclass(frozen=True)
-class Start:
+@dataclass(frozen=True, repr=False)
+class Start(Shown):
     """How a run that was started from nothing found its pose.
 
     It was ready at `stamp_ns`, `seconds` after the first message, with `pose` and `covariance` of
@@ -427,8 +511,8 @@ class Start:
     sums_m: FloatArray | None = None
 
 
-@dataclass(frozen=True)
-class Health:
+@dataclass(frozen=True, repr=False)
+class Health(Table):
     """How far an estimate may be trusted, ten times a second.
 
     Attributes
@@ -455,8 +539,20 @@ class Health:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of ``health.csv``; NaN where there is no protection level."""
+        level = np.where(np.isfinite(self.protection), self.protection, np.nan)
+        return {
+            "stamp_ns": self.stamp_ns,
+            "state": self.state,
+            "within": self.within,
+            "wrong": self.wrong,
+            **dict(zip((f"protection_{axis}" for axis in _AXES), level.T, strict=True)),
+            "reason": self.reason,
+        }
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Watched(Health):
     """How far the poses of another localizer may be trusted, with each row of the run's `Health`.
 
@@ -471,9 +567,14 @@ class Watched(Health):
 
     error: FloatArray
 
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of ``watched.csv``."""
+        error = zip((f"error_{axis}" for axis in _AXES), self.error.T, strict=True)
+        return {**super().columns(), **dict(error)}
 
-@dataclass(frozen=True)
-class MappedLandmarks:
+
+@dataclass(frozen=True, repr=False)
+class MappedLandmarks(Table):
     """Landmarks as an estimator that maps them knows them at the end, in order of discovery.
 
     Attributes
@@ -496,9 +597,16 @@ class MappedLandmarks:
     def __len__(self) -> int:
         return len(self.name)
 
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of ``landmarks.csv`` of a log folder."""
+        x, y = self.position.T
+        xx, xy, yy = self.covariance[:, 0, 0], self.covariance[:, 0, 1], self.covariance[:, 1, 1]
+        return {"landmark": self.name, "x_m": x, "y_m": y,
+                "cov_x_x": xx, "cov_x_y": xy, "cov_y_y": yy}  # fmt: skip
 
-@dataclass(frozen=True)
-class Frame:
+
+@dataclass(frozen=True, repr=False)
+class Frame(Shown):
     """What an `Mcl` believed after a scan.
 
     `particles`, shape (n, 4), are x, y [m], heading [rad], weight; of a large cloud, evenly chosen
@@ -511,8 +619,8 @@ class Frame:
     ready: bool
 
 
-@dataclass(frozen=True)
-class RunResult:
+@dataclass(frozen=True, repr=False)
+class RunResult(Shown):
     """One run: what was asked, what came in, what was estimated, how good it was.
 
     Attributes
@@ -550,3 +658,12 @@ class RunResult:
     frames: tuple[Frame, ...] = ()
     landmarks: MappedLandmarks | None = None
     watched: Watched | None = None
+
+    def __repr__(self) -> str:
+        keys = ("position_rmse_m", "heading_rmse_deg", "nees_mean", "duration_s", "messages")
+        known = (f"{key}={self.metrics[key]:.4g}" for key in keys if self.metrics.get(key))
+        name = shown(self.config.get("name", ""))
+        return f"RunResult({', '.join([name, f'{len(self.estimate)} poses', *known])})"
+
+    def _repr_html_(self) -> str:
+        return _page(self)

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import runpy
 from pathlib import Path
+from typing import Any
 
 import pytest
+from matplotlib import pyplot
 
 from support_runs import ROOT
 
@@ -58,6 +61,20 @@ def test_the_offset_of_a_compass(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_late_messages(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed("5_late_messages", capsys)[-1] == "the same: True"
+
+
+def test_the_notebook_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    book = json.loads((ROOT / "examples/notebooks/monte_carlo.ipynb").read_text(encoding="utf-8"))
+    cells = ["".join(cell["source"]) for cell in book["cells"] if cell["cell_type"] == "code"]
+    assert not any(cell.get("outputs") for cell in book["cells"])
+    pyplot.switch_backend("agg")
+    namespace: dict[str, Any] = {"__name__": "notebook"}
+    for cell in cells:
+        exec(compile(cell, "monte_carlo.ipynb", "exec"), namespace)
+    pyplot.close("all")
+    nees = [float(found) for found in re.findall(r"NEES ([\d.]+)", capsys.readouterr().out)]
+    assert 2.3 < nees[0] < 3.8  # of all drives
+    assert nees[1] > 2.0 * nees[2] > 3.0 * nees[3]  # too sure, right, too cautious
 
 
 def test_runs_are_compared(capsys: pytest.CaptureFixture[str]) -> None:

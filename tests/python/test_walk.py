@@ -14,7 +14,7 @@ import numpy as np
 import locfuse
 from locfuse.config.load import parse_config
 from locfuse.io.log_folder import read_log, write_log
-from locfuse.io.result_tables import write_outcomes
+from locfuse.io.result_tables import write_columns
 from locfuse.run.run import run
 from locfuse.types import Log, Outcomes, RunResult
 from support_runs import ROOT
@@ -47,7 +47,7 @@ class Walk:
             return
         self._is_looking = True
         if event == "call":  # of a function that passes nothing on: it writes the outcomes
-            value = frame.f_locals.get("outcomes") if file.name == "result_tables.py" else None
+            value = frame.f_locals.get("table") if file.name == "result_tables.py" else None
         name = str(file.relative_to(PACKAGE))
         if holds_it(value) and (not self.files or self.files[-1] != name):
             self.files.append(name)
@@ -70,7 +70,7 @@ def walk_of_a_range(folder: Path) -> list[str]:
     sys.setprofile(walk.look)
     try:
         result = run(config, read_log(folder / "log"))
-        write_outcomes(folder / "outcomes.csv", result.outcomes)
+        write_columns(folder / "outcomes.csv", result.outcomes)
     finally:
         sys.setprofile(before)
     assert result.outcomes.verdict[40] in ("fused", "gated")

@@ -24,6 +24,7 @@ from locfuse.types import (
     FARTHEST_M,
     MAX_SPEED_MPS,
     NANOSECONDS,
+    QUATERNION,
     Columns,
     FloatArray,
     Log,
@@ -36,7 +37,6 @@ from locfuse.types import (
 GEOMETRY = ("beams", "angle_min_rad", "angle_increment_rad")  # of each scan, where they differ
 RATES = ("wx_radps", "wy_radps", "wz_radps")  # of an IMU, in its axes
 FORCES = ("ax_mps2", "ay_mps2", "az_mps2")
-QUATERNION = ("qw", "qx", "qy", "qz")  # of a rotation from body to world
 GRAVITY_MPS2 = 9.81  # which they include
 _SEEN = ("stamp_s", "landmark", "range_m", "bearing_rad")
 _IN_PLANE = ("x_m", "y_m")

@@ -10,7 +10,7 @@ import yaml
 
 from locfuse.eval.errors import interpolate
 from locfuse.eval.trust import sentence
-from locfuse.io.result_tables import write_estimate, write_health, write_landmarks, write_outcomes
+from locfuse.io.result_tables import write_columns, write_estimate
 from locfuse.io.tum import write_tum
 from locfuse.io.whole import whole_folder
 from locfuse.report.report import PICTURES, write_report
@@ -47,12 +47,12 @@ def _write(result: RunResult, folder: Path) -> None:
         if len(at) > 0:
             write_tum(folder / "truth.tum", at)
     write_estimate(folder / "estimate.csv", result.estimate, result.health)
-    write_outcomes(folder / "outcomes.csv", result.outcomes)
+    write_columns(folder / "outcomes.csv", result.outcomes)
     if result.health is not None:
-        write_health(folder / "health.csv", result.health)
+        write_columns(folder / "health.csv", result.health)
     if result.watched is not None:
-        write_health(folder / "watched.csv", result.watched)
+        write_columns(folder / "watched.csv", result.watched)
     if result.landmarks is not None:
-        write_landmarks(folder / "landmarks.csv", result.landmarks)
+        write_columns(folder / "landmarks.csv", result.landmarks)
     metrics = json.dumps(dict(result.metrics), indent=1, allow_nan=False)
     (folder / "metrics.json").write_text(metrics + "\n", encoding="utf-8")

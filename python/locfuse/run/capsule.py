@@ -25,7 +25,7 @@ from locfuse.core import compiler, kernels
 from locfuse.io.csv_table import MAX_UNPACKED, refuse_device
 from locfuse.io.log_folder import SCHEMA, read_log, write_log
 from locfuse.io.log_yaml import load_yaml
-from locfuse.io.result_tables import write_estimate, write_outcomes
+from locfuse.io.result_tables import write_columns, write_estimate
 from locfuse.io.whole import naming, whole_file
 from locfuse.run.run import Progress, load_log, run
 from locfuse.types import ConfigError, Log, LogError, shown, words
@@ -242,7 +242,7 @@ def _result_of(config: RunConfig, log: Log, progress: Progress | None) -> dict[s
     with tempfile.TemporaryDirectory() as folder:
         estimate, outcomes = Path(folder, ESTIMATE), Path(folder, OUTCOMES)
         write_estimate(estimate, result.estimate)
-        write_outcomes(outcomes, result.outcomes)
+        write_columns(outcomes, result.outcomes)
         return {path.name: path.read_text(encoding="utf-8") for path in (estimate, outcomes)}
 
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from locfuse import _core
 from locfuse.config.build import build_anchors
 from locfuse.config.schema import SOURCES, Odometry, RunConfig, Source
-from locfuse.io.log_folder import FORCES, QUATERNION, RATES
+from locfuse.io.log_folder import FORCES, RATES
 from locfuse.run.missing_inputs import how_to_add, where_named
-from locfuse.types import NANOSECONDS, Columns, Log, LogError, StampArray, Trajectory
+from locfuse.types import NANOSECONDS, QUATERNION, Columns, Log, LogError, StampArray, Trajectory
 
 MOTION = ("dx_m", "dy_m", "dheading_rad")  # of odometry
 VELOCITY = ("v_mps", "v_left_mps", "omega_radps")
