@@ -30,7 +30,10 @@ void refuse_pickling(const py::module_& m) {
 PYBIND11_MODULE(_core_in_main_interpreter, m) {
   m.doc() = "The C++ core of locfuse; use it through `import locfuse`.";
   m.attr("__version__") = LOCFUSE_VERSION;
-  py::register_exception<locfuse::NumericalError>(m, "NumericalError", PyExc_ArithmeticError);
+  py::register_exception<locfuse::NumericalError>(m, "NumericalError", PyExc_ArithmeticError)
+      .doc() =
+      "Numerical failure: an innovation covariance that is not positive definite, a result that is "
+      "not finite. The belief is unchanged where it is raised.";
   m.def("compiler", &locfuse::compiler, "Compiler that built the core, such as 'GCC 12.2.0'.");
   m.def("kernels", &locfuse::kernels,
         "Vector kernels in use: 'avx2', with fused multiply-add, or 'portable'. Results differ "

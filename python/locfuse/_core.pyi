@@ -213,7 +213,9 @@ __all__: list[str] = [
 ]
 
 class NumericalError(ArithmeticError):
-    pass
+    """
+    Numerical failure: an innovation covariance that is not positive definite, a result that is not finite. The belief is unchanged where it is raised.
+    """
 
 class NoiseKind(enum.Enum):
     """
