@@ -3,6 +3,9 @@
 
 Its components are the Python packages that locfuse needs to run, as installed here, the Debian
 packages of the libraries that its extension loads, and of the headers that are compiled into it.
+
+``sbom.py FILE VERSION NAME=VERSION ...`` writes that of a wheel of that version, which has these
+libraries inside.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -19,8 +23,6 @@ from cyclonedx.model.component import Component, ComponentType
 from cyclonedx.output.json import JsonV1Dot6
 from packageurl import PackageURL
 from packaging.requirements import Requirement
-
-from locfuse import _core
 
 HEADERS = ("libeigen3-dev", "libboost-dev", "libflann-dev")
 BUILD = ("pybind11",)  # headers, too
@@ -77,15 +79,31 @@ def bill() -> Bom:
     """Return the bill of materials of the package as it is installed."""
     ours, *others = needed(["locfuse"])
     root = component("locfuse", ours.version, PackageURL("pypi", None, "locfuse", ours.version))
-    bom = Bom()
-    bom.metadata.component = root
     parts = [
         component(part.name, part.version, PackageURL("pypi", None, part.name, part.version))
         for part in (*others, *map(distribution, BUILD))
     ]
-    for name in (*loaded(_core.__file__), *HEADERS):
+    for name in (*loaded(import_module("locfuse._core").__file__ or ""), *HEADERS):
         version = said("dpkg-query", "-W", "-f", "${Version}", name)
         parts.append(component(name, version, PackageURL("deb", "debian", name, version)))
+    return of(root, parts)
+
+
+def bill_of_wheel(version: str, inside: list[str]) -> Bom:
+    """Return the bill of materials of a wheel, with its libraries as NAME=VERSION."""
+    parts = []
+    for text in inside:
+        name, _, of_it = text.partition("=")
+        if not of_it:
+            sys.exit(f"{text}: expected NAME=VERSION")
+        parts.append(component(name, of_it, PackageURL("generic", None, name, of_it)))
+    return of(component("locfuse", version, PackageURL("pypi", None, "locfuse", version)), parts)
+
+
+def of(root: Component, parts: list[Component]) -> Bom:
+    """Return a bill of materials of what consists of parts."""
+    bom = Bom()
+    bom.metadata.component = root
     for part in parts:
         bom.components.add(part)
     bom.register_dependency(root, parts)
@@ -93,6 +111,6 @@ def bill() -> Bom:
 
 
 if __name__ == "__main__":
-    found = bill()
+    found = bill_of_wheel(sys.argv[2], sys.argv[3:]) if len(sys.argv) > 2 else bill()
     JsonV1Dot6(found).output_to_file(sys.argv[1], allow_overwrite=True, indent=1)
     print(f"{len(found.components)} components: {sys.argv[1]}")

@@ -121,6 +121,19 @@ collect_licences() {
   grep -q "Boost Software License" build/wheel/licences/Boost || fail "the licence of Boost was not found"
 }
 
+# What is inside a wheel, as CycloneDX, which it carries (PEP 770).
+write_bill() {
+  need_python "$(requirements sbom)"
+  version_of() { dpkg-query -W -f '${Version}' "$1"; }
+  ceres=$(basename build/wheel/ceres-solver-*/)
+  zig=$("$(folder_of ziglang)/zig" version)
+  quietly "the bill of materials cannot be written" $venv/bin/python scripts/sbom.py build/wheel/sbom.cdx.json \
+    "$(sed -n 's/^  VERSION \([0-9.]*\)$/\1/p' CMakeLists.txt)" \
+    "ceres-solver=${ceres#ceres-solver-}" "eigen=$(version_of libeigen3-dev)" "boost=$(version_of libboost-dev)" \
+    "nanoflann=$(version_of libnanoflann-dev)" "libc++=zig-$zig" "libunwind=zig-$zig" "compiler-rt=zig-$zig" \
+    "pybind11=$($venv/bin/python -c 'import pybind11; print(pybind11.__version__)')"
+}
+
 # The Pythons that wheels are for: $WHEEL_PYTHON, or those of this machine that locfuse supports, one for each version.
 pythons() {
   if [ -n "${WHEEL_PYTHON:-}" ]; then
@@ -152,7 +165,8 @@ build_wheel() { # x86_64 or aarch64, Python
   echo "building the wheel of $tag for $1"
   settings=
   for option in $(wheel_options "$1") "-DCMAKE_CXX_COMPILER_LAUNCHER=ccache" \
-    "-DPYTHON_MODULE_EXTENSION=.cpython-${tag#cp}-$1-linux-gnu.so" "-DLOCFUSE_LICENCES=$PWD/build/wheel/licences"; do
+    "-DPYTHON_MODULE_EXTENSION=.cpython-${tag#cp}-$1-linux-gnu.so" "-DLOCFUSE_LICENCES=$PWD/build/wheel/licences" \
+    "-DLOCFUSE_SBOM=$PWD/build/wheel/sbom.cdx.json"; do
     settings="$settings --config-settings=cmake.define.${option#-D}"
   done
   # shellcheck disable=SC2086
@@ -172,6 +186,7 @@ build_wheels() { # x86_64, aarch64, both by default
     case $arch in x86_64 | aarch64) ;; *) fail "expected x86_64 or aarch64, got $arch" ;; esac
     prepare "$arch"
     collect_licences
+    write_bill
     rm -f $wheels/*"_$arch.whl"
     pythons | while read -r found; do
       build_wheel "$arch" "$found" </dev/null
@@ -189,6 +204,10 @@ check_wheel() { # file
   *) fail "auditwheel objects to $1: $policy" ;;
   esac
   [ "$(wc -c <"$1")" -le 6000000 ] || fail "$1 is larger than 6 MB"
+  inside=$($venv/bin/python -m zipfile -l "$1")
+  for part in locfuse/licences/Ceres .dist-info/sboms/sbom.cdx.json; do
+    case $inside in *"$part"*) ;; *) fail "$1 holds no $part" ;; esac
+  done
   ls -l "$1"
 }
 

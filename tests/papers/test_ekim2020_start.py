@@ -197,13 +197,13 @@ def test_every_gazebo_scan_gives_heading_and_position(run: str) -> None:
 
 @needs_gazebo
 @pytest.mark.parametrize("run", RUNS)
-def test_the_papers_search_equals_brute_force_on_every_scan(run: str) -> None:
+def test_the_papers_search_equals_brute_force_all_along_the_drive(run: str) -> None:
     recording = gazebo()[run]
     matcher = lf.ScanMatcher(recording.grid)
     row, column = np.nonzero(recording.grid.cells == 100)
     occupied = -10.0 + (np.stack([column, row], axis=1) + 0.5) * 0.05
     squares = np.sum(occupied**2, axis=1)
-    for scan, pose in zip(recording.scans, recording.poses, strict=True):
+    for scan, pose in [*zip(recording.scans, recording.poses, strict=True)][::4]:
         points = in_body(scan)
         sums = []
         for step in range(36):

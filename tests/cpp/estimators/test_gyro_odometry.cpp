@@ -5,12 +5,12 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <random>
 
 #include "locfuse/estimators/gyro_odometry.hpp"
 #include "locfuse/geometry/pose2.hpp"
 #include "locfuse/math/angle.hpp"
 #include "support/expect.hpp"
+#include "support/random.hpp"
 
 namespace locfuse::test_gyro_odometry {
 namespace {
@@ -206,11 +206,10 @@ TEST(GyroOdometry, the_variance_of_the_turn_is_honest) {
   double by_both = 0.0;
   const int seeds = 100;
   for (int seed = 1; seed <= seeds; ++seed) {
-    std::mt19937_64 random(static_cast<std::uint64_t>(seed));
-    std::normal_distribution<double> normal;
-    const double scale = 1.0 + config.sigma_scale * normal(random);
-    const double turn_scale = 1.0 + config.sigma_turn_scale * normal(random);
-    double bias = config.sigma_bias_radps * normal(random);
+    testing::Rng random(static_cast<std::uint64_t>(seed));
+    const double scale = 1.0 + config.sigma_scale * testing::normal(random, 1.0);
+    const double turn_scale = 1.0 + config.sigma_turn_scale * testing::normal(random, 1.0);
+    double bias = config.sigma_bias_radps * testing::normal(random, 1.0);
     GyroOdometry odometry(config);
     double error = 0.0;
     double wheels_error = 0.0;
@@ -222,9 +221,10 @@ TEST(GyroOdometry, the_variance_of_the_turn_is_honest) {
       const double speed = t < 3.0 ? 0.0 : 0.8;
       const double rate = t < 3.0 ? 0.0 : 0.6 * std::sin(0.2 * t);
       for (Stamp at = now; at < now + kOdometry; at += kStep) {
-        bias += config.sigma_bias_radps_per_sqrt_s * std::sqrt(step) * normal(random);
-        odometry.on(level(at, scale * rate + bias +
-                                  config.sigma_turn_per_sqrt_s / std::sqrt(step) * normal(random)));
+        bias += config.sigma_bias_radps_per_sqrt_s * std::sqrt(step) * testing::normal(random, 1.0);
+        odometry.on(level(
+            at, scale * rate + bias +
+                    config.sigma_turn_per_sqrt_s / std::sqrt(step) * testing::normal(random, 1.0)));
       }
       const double turn = rate * dt;
       const double sigma =
@@ -232,7 +232,7 @@ TEST(GyroOdometry, the_variance_of_the_turn_is_honest) {
                         config.odometry.sigma_heading_per_sqrt_m * speed * dt +
                     config.odometry.sigma_heading_per_sqrt_rad *
                         config.odometry.sigma_heading_per_sqrt_rad * std::abs(turn));
-      const double wheels = turn_scale * turn + sigma * normal(random);
+      const double wheels = turn_scale * turn + sigma * testing::normal(random, 1.0);
       const auto motion =
           odometry.on(Increment{now, now + kOdometry, arc(speed * dt, 0.0, wheels)});
       error += motion->increment.motion.heading - turn;

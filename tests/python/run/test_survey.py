@@ -127,6 +127,7 @@ def test_anchors_are_near_the_bound_and_as_sure_as_right() -> None:
     for seed in range(SEEDS):
         config, log, anchors = room(seed)
         found = survey(config, log, frame=("A0", "A1"))
+        assert not found.findings
         assert {a.word for a in found.anchors} <= {"good", "weak"}
         error = placed(found)[:, :2] - onto_axis(anchors[:, :2])
         ratios.append(np.sum(error**2) / np.trace(bound(log, anchors)))
@@ -137,7 +138,7 @@ def test_anchors_are_near_the_bound_and_as_sure_as_right() -> None:
 
 
 def test_ids_that_are_swapped_are_named_in_every_room() -> None:
-    for seed in range(SEEDS):
+    for seed in range(SEEDS // 2):
         config, log, anchors = room(seed)
         i, j = np.random.default_rng(seed).choice(len(anchors), 2, replace=False).tolist()
         found = survey(config, exchanged(log, i, j))
@@ -146,7 +147,6 @@ def test_ids_that_are_swapped_are_named_in_every_room() -> None:
             f"anchors {a} and {b} are swapped" in text or f"anchors {b} and {a} are swapped" in text
             for text in found.findings
         ), seed
-        assert not survey(config, log).findings
 
 
 def test_an_anchor_that_is_elsewhere_is_named_and_found() -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,13 @@ def robot(seed: int) -> tuple[RunConfig, Log, dict[str, float]]:
 def drive(seed: int = 3, **more: Any) -> tuple[RunConfig, Log]:
     config = parse_config({"simulation": DRIVE, "seed": seed, **more})
     return config, load_log(config, None, seed)
+
+
+@cache
+def tuned(seed: int = 3) -> TuneResult:
+    """Return what `tune` finds in a drive with nothing wrong."""
+    config, log = drive(seed)
+    return tune(config, [log])
 
 
 def changes_of(result: TuneResult) -> dict[str, float]:
@@ -201,7 +209,7 @@ def test_what_flies_is_driven_from_its_height() -> None:
 def test_two_recordings_say_more_than_one() -> None:
     config, first = drive(3)
     _, second = drive(4)
-    one, both = tune(config, [first]), tune(config, [first, second])
+    one, both = tuned(3), tune(config, [first, second])
     widths = [np.log(r[SIGMA].high / r[SIGMA].low) for r in (one, both)]
     assert widths[1] < 0.85 * widths[0]
     assert both.held_out[0].count == pytest.approx(2 * one.held_out[0].count, rel=0.05)
@@ -268,8 +276,7 @@ def test_the_command_prints_and_writes_a_configuration_that_runs(tmp_path: Path)
 
 
 def test_the_picture_names_every_quantity() -> None:
-    config, log = drive()
-    result = tune(config, [log])
+    result = tuned()
     figure = plot_tune(result)
     names = [label.get_text() for axes in figure.axes for label in axes.get_yticklabels()]
     for one in result.quantities:
