@@ -5,17 +5,17 @@
 
 bare=$PWD/build/install
 
-# A bare Debian with the commit of this checkout in /locfuse: build/install/NAME.
+# A bare Debian: build/install/NAME.
 make_root() { # name, suite
   [ "$(id -u)" -eq 0 ] || fail "test-install needs root: it makes systems in folders and enters them"
   need_debian debootstrap git
-  release "$1"
-  if [ ! -e "$bare/$2.bare/usr/bin/apt-get" ]; then
+  if [ ! -e "$bare/$2.bare/done" ]; then
     rm -rf "$bare/$2.bare"
     mkdir -p "$bare"
     echo "making a bare $2"
     quietly "debootstrap could not make a bare $2: is there a network?" \
       debootstrap --variant=minbase --include=ca-certificates "$2" "$bare/$2.bare"
+    touch "$bare/$2.bare/done"
   fi
   rm -rf "${bare:?}/$1"
   cp -a "$bare/$2.bare" "$bare/$1"
@@ -25,24 +25,17 @@ make_root() { # name, suite
   mkdir -p "$bare/$1/root/.config/pip"
   [ ! -e "$HOME/.config/pip/pip.conf" ] || cp "$HOME/.config/pip/pip.conf" "$bare/$1/root/.config/pip/"
   cp -L /etc/ssl/certs/ca-certificates.crt "$bare/$1/etc/ssl/certs/"
-  for folder in proc dev opt; do # in /opt some machines have packages for pip
-    mount --rbind --make-rslave /$folder "$bare/$1/$folder"
-  done
-  mkdir "$bare/$1/locfuse"
-  git archive HEAD | tar -x -C "$bare/$1/locfuse"
 }
 
-# Takes the folders of this machine out of a bare system.
-release() { # name
-  for folder in proc dev opt; do
-    ! mountpoint -q "$bare/$1/$folder" || umount -R "$bare/$1/$folder"
-  done
-}
-
+# Runs a command in a system, which ends with all that it mounted. In /opt some machines have packages for pip.
 in_root() { # name, command for its shell
-  # shellcheck disable=SC2046
-  env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 $(env | grep -E '^PIP_|_proxy=|_PROXY=') \
-    chroot "$bare/$1" /bin/sh -c "$2"
+  # shellcheck disable=SC2016
+  unshare --mount --pid --fork sh -ec '
+    mount -t proc proc "$1/proc"
+    mount --bind /opt "$1/opt"
+    mount -o remount,bind,ro "$1/opt"
+    exec env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 $(env | grep -E "^PIP_|_proxy=|_PROXY=") \
+      chroot "$1" /bin/sh -c "$2"' in_root "$bare/$1" "$2"
 }
 
 timed() { # words, command
@@ -56,10 +49,11 @@ timed() { # words, command
 # `./dev demo` and `./dev test` as the first commands on a bare system.
 test_debian() { # suite
   make_root "$1" "$1"
+  mkdir "$bare/$1/locfuse"
+  git archive HEAD | tar -x -C "$bare/$1/locfuse"
   timed "$1: ./dev demo" in_root "$1" "cd /locfuse && ./dev demo"
   [ -s "$bare/$1/locfuse/out/demo/office/report.html" ] || fail "$1: ./dev demo wrote no report"
   timed "$1: ./dev test" in_root "$1" "cd /locfuse && ./dev test"
-  release "$1"
 }
 
 # The steps of the Dockerfile, each stage in a system of its own; then what the image is for.
@@ -72,7 +66,6 @@ test_image() {
       stage=image-${words##* }
       case $stage in *:*) stage=image ;; esac
       make_root "$stage" bookworm
-      rm -rf "${bare:?}/$stage/locfuse"
       folder=/
       environment=
       ;;
@@ -105,14 +98,11 @@ test_image() {
   timed "image: locfuse demo" in_root "$stage" "$environment cd $folder && locfuse demo"
   quietly "image: the studio does not start" in_root "$stage" \
     "$environment cd $folder && { timeout 20 locfuse studio --host 127.0.0.1 >studio.txt 2>&1; grep -q token= studio.txt; }"
-  release image-build
-  release image
 }
 
 test_install() { # bookworm, trixie, image: all by default
   [ $# -gt 0 ] || set -- bookworm trixie image
   for system in "$@"; do
-    trap 'release "$system"; release image-build; release image' EXIT
     case $system in
     bookworm | trixie) test_debian "$system" ;;
     image) test_image ;;
