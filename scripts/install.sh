@@ -17,6 +17,7 @@ make_root() { # name, suite
       debootstrap --variant=minbase --include=ca-certificates "$2" "$bare/$2.bare"
     touch "$bare/$2.bare/done"
   fi
+  ! grep -q " $bare/$1/" /proc/mounts || fail "something of this machine is mounted below $bare/$1: umount it"
   rm -rf "${bare:?}/$1"
   cp -a "$bare/$2.bare" "$bare/$1"
   cp -r /etc/apt/apt.conf.d/. "$bare/$1/etc/apt/apt.conf.d/"
@@ -30,12 +31,18 @@ make_root() { # name, suite
 # Runs a command in a system, which ends with all that it mounted. In /opt some machines have packages for pip.
 in_root() { # name, command for its shell
   # shellcheck disable=SC2016
-  unshare --mount --pid --fork sh -ec '
-    mount -t proc proc "$1/proc"
-    mount --bind /opt "$1/opt"
-    mount -o remount,bind,ro "$1/opt"
-    exec env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 $(env | grep -E "^PIP_|_proxy=|_PROXY=") \
-      chroot "$1" /bin/sh -c "$2"' in_root "$bare/$1" "$2"
+  unshare --mount --pid --fork --kill-child sh -ec '
+    root=$1
+    command=$2
+    set --
+    for name in $(env | sed -n "s/^\(PIP_[A-Z_]*\|[a-z]*_proxy\|[A-Z]*_PROXY\)=.*/\1/p"); do
+      eval "set -- \"\$@\" \"$name=\$$name\""
+    done
+    mount -t proc proc "$root/proc"
+    mount --bind /opt "$root/opt"
+    mount -o remount,bind,ro "$root/opt"
+    exec env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 "$@" \
+      chroot "$root" /bin/sh -c "$command"' in_root "$bare/$1" "$2"
 }
 
 timed() { # words, command
@@ -60,7 +67,7 @@ test_debian() { # suite
 test_image() {
   stage=
   environment=
-  while read -r step words; do
+  while read -r step words <&3; do
     case $step in
     FROM)
       stage=image-${words##* }
@@ -94,7 +101,7 @@ test_image() {
     EXPOSE | CMD | '#'* | '') ;;
     *) fail "Dockerfile: test-install does not know $step" ;;
     esac
-  done <Dockerfile
+  done 3<Dockerfile
   timed "image: locfuse demo" in_root "$stage" "$environment cd $folder && locfuse demo"
   quietly "image: the studio does not start" in_root "$stage" \
     "$environment cd $folder && { timeout 20 locfuse studio --host 127.0.0.1 >studio.txt 2>&1; grep -q token= studio.txt; }"

@@ -121,16 +121,17 @@ collect_licences() {
   grep -q "Boost Software License" build/wheel/licences/Boost || fail "the licence of Boost was not found"
 }
 
-# What is inside a wheel, as CycloneDX, which it carries (PEP 770).
+# What is inside a wheel, as CycloneDX, which it carries (PEP 770). Of zig that is its libc++, libunwind and compiler_rt.
 write_bill() {
   need_python "$(requirements sbom)"
-  version_of() { dpkg-query -W -f '${Version}' "$1"; }
+  version_of() { dpkg-query -W -f '${source:Upstream-Version}' "$1"; }
   ceres=$(basename build/wheel/ceres-solver-*/)
+  boost=$(sed -n 's/^#define BOOST_LIB_VERSION "\(.*\)"/\1/p' /usr/include/boost/version.hpp | tr _ .)
   zig=$("$(folder_of ziglang)/zig" version)
   quietly "the bill of materials cannot be written" $venv/bin/python scripts/sbom.py build/wheel/sbom.cdx.json \
     "$(sed -n 's/^  VERSION \([0-9.]*\)$/\1/p' CMakeLists.txt)" \
-    "ceres-solver=${ceres#ceres-solver-}" "eigen=$(version_of libeigen3-dev)" "boost=$(version_of libboost-dev)" \
-    "nanoflann=$(version_of libnanoflann-dev)" "libc++=zig-$zig" "libunwind=zig-$zig" "compiler-rt=zig-$zig" \
+    "ceres-solver=${ceres#ceres-solver-}" "eigen=$(version_of libeigen3-dev)" "boost=$boost" \
+    "nanoflann=$(version_of libnanoflann-dev)" "zig=$zig" \
     "pybind11=$($venv/bin/python -c 'import pybind11; print(pybind11.__version__)')"
 }
 

@@ -113,7 +113,7 @@ class Table(Shown):
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return the columns of the file of the same name in a folder of results, in its order.
 
-        ``stamp_ns`` stands for ``stamp_s``.
+        ``stamp_ns`` stands for ``stamp_s``. Not copies: do not write into them.
         """
         raise NotImplementedError
 
@@ -661,7 +661,9 @@ class RunResult(Shown):
 
     def __repr__(self) -> str:
         keys = ("position_rmse_m", "heading_rmse_deg", "nees_mean", "duration_s", "messages")
-        known = (f"{key}={self.metrics[key]:.4g}" for key in keys if self.metrics.get(key))
+        found = ((key, self.metrics.get(key)) for key in keys)
+        known = (f"{key}={value if isinstance(value, int) else f'{value:.4g}'}"
+                 for key, value in found if value is not None)  # fmt: skip
         name = shown(self.config.get("name", ""))
         return f"RunResult({', '.join([name, f'{len(self.estimate)} poses', *known])})"
 

@@ -58,7 +58,7 @@ def test_noise_of_the_speed_lies_along_the_heading_also_where_robots_turn_in_pla
         return config
 
     monkeypatch.setattr(methods, "filter_config", as_wide_across)
-    assert nees_of("star", 100) < low
+    assert nees_of("star", 300) < low
 
 
 @pytest.mark.parametrize("path", RAY_PATHS)

@@ -425,7 +425,9 @@ def test_there_is_one_version() -> None:
     match = re.search(r"VERSION (\d+\.\d+\.\d+)", cmake)
     assert match is not None
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
     assert locfuse.__version__ == match[1] == citation["version"]
+    assert recipe["context"]["version"] == match[1]
     assert f"## [{match[1]}]" in (ROOT / "CHANGELOG.md").read_text()
 
 

@@ -73,7 +73,7 @@ def test_the_notebook_runs(capsys: pytest.CaptureFixture[str]) -> None:
         exec(compile(cell, "monte_carlo.ipynb", "exec"), namespace)
     pyplot.close("all")
     nees = [float(found) for found in re.findall(r"NEES ([\d.]+)", capsys.readouterr().out)]
-    assert 2.3 < nees[0] < 3.8  # of all drives
+    assert 2.6 < nees[0] < 3.4  # of all drives
     assert nees[1] > 2.0 * nees[2] > 3.0 * nees[3]  # too sure, right, too cautious
 
 

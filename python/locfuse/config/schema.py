@@ -49,7 +49,7 @@ FUSES: dict[Kind, tuple[Source, ...]] = {
 class Odometry(Strict):
     """Noise of wheel odometry; ``OdometryConfig`` in C++."""
 
-    struct: ClassVar = _core.OdometryConfig()
+    struct: ClassVar[Any] = _core.OdometryConfig()
     sigma_longitudinal_per_sqrt_m: DriftSigma = struct.sigma_longitudinal_per_sqrt_m
     """Along the motion, per distance driven [m/√m]."""
     sigma_lateral_per_sqrt_m: DriftSigma = struct.sigma_lateral_per_sqrt_m
@@ -81,7 +81,7 @@ OF_MESSAGES = ("latency_s", "distance_scale", "turn_scale", "direction_rad")
 class Range(Strict):
     """Ranges: noise of those that bring no sigma of their own; ``RangeConfig`` in C++."""
 
-    struct: ClassVar = _core.RangeConfig()
+    struct: ClassVar[Any] = _core.RangeConfig()
     sigma_m: NonNegative = struct.sigma_m
     """Absolute part [m]."""
     sigma_relative: NonNegative = struct.sigma_relative
@@ -103,7 +103,7 @@ class Range(Strict):
 class Altitude(Strict):
     """Altimeter of a body that flies; ``AltitudeConfig`` in C++."""
 
-    struct: ClassVar = _core.AltitudeConfig()
+    struct: ClassVar[Any] = _core.AltitudeConfig()
     altimeter_up_m: Annotated[float, Field(ge=-1e9, le=1e9)] = struct.altimeter_up_m
     """Height of the altimeter over the body's origin [m]."""
     sigma_m: Positive = struct.sigma_m
@@ -117,8 +117,8 @@ class Altitude(Strict):
 class Heading(Strict):
     """Compass, orientation of an IMU, two antennas, or course; ``HeadingConfig`` in C++."""
 
-    struct: ClassVar = _core.HeadingConfig()
-    fixed: ClassVar = ("antenna_forward_m", "antenna_left_m")
+    struct: ClassVar[Any] = _core.HeadingConfig()
+    fixed: ClassVar[Any] = ("antenna_forward_m", "antenna_left_m")
 
     offset_rad: float = struct.offset_rad
     """What it reads more than the heading: mount, declination [rad]."""
@@ -137,7 +137,7 @@ class Heading(Strict):
 class Position(Strict):
     """Position fixes: lever arm of the antenna, and sigmas; ``PositionConfig`` in C++."""
 
-    struct: ClassVar = _core.PositionConfig()
+    struct: ClassVar[Any] = _core.PositionConfig()
     antenna_forward_m: float = struct.antenna_forward_m
     """Antenna in body, forward [m]."""
     antenna_left_m: float = struct.antenna_left_m
@@ -159,7 +159,7 @@ class Position(Strict):
 class Pose(Strict):
     """Sigmas of poses of other localizers; ``PoseConfig`` in C++."""
 
-    struct: ClassVar = _core.PoseConfig()
+    struct: ClassVar[Any] = _core.PoseConfig()
     sigma_m: NonNegative = struct.sigma_m
     """Position sigma of a pose without one; 0: it is not modelled [m]."""
     sigma_heading_rad: NonNegative = struct.sigma_heading_rad
@@ -183,7 +183,7 @@ class Pose(Strict):
 class Limits(Strict):
     """Physical limits of robot and sensors; ``Limits`` in C++."""
 
-    struct: ClassVar = _core.Limits()
+    struct: ClassVar[Any] = _core.Limits()
     speed_mps: Limit = struct.speed_mps
     """Maximum speed of odometry [m/s]."""
     turn_rate_radps: Limit = struct.turn_rate_radps
@@ -197,8 +197,8 @@ class Limits(Strict):
 class Adaptive(Strict):
     """Variances that follow innovations, 0 for none; ``AdaptiveNoise::Config`` in C++."""
 
-    struct: ClassVar = _core.AdaptiveNoiseConfig()
-    fixed: ClassVar = ("least", "most")
+    struct: ClassVar[Any] = _core.AdaptiveNoiseConfig()
+    fixed: ClassVar[Any] = ("least", "most")
 
     messages: NonNegative = struct.messages
     """Messages in the memory, such as 200; 0: off, else at least 5."""
@@ -213,7 +213,7 @@ class Adaptive(Strict):
 class Landmark(Strict):
     """Noise of sightings that bring no sigmas of their own; ``RangeBearingConfig`` in C++."""
 
-    struct: ClassVar = _core.RangeBearingConfig()
+    struct: ClassVar[Any] = _core.RangeBearingConfig()
     sigma_range_m: Positive = struct.sigma_range_m
     """Sigma of the range to a landmark [m]."""
     sigma_bearing_rad: Positive = struct.sigma_bearing_rad
@@ -229,7 +229,7 @@ class Landmark(Strict):
 class Calibration(Strict):
     """Errors that the pose EKF learns, 0 for none; ``CalibrationConfig`` in C++."""
 
-    struct: ClassVar = _core.CalibrationConfig()
+    struct: ClassVar[Any] = _core.CalibrationConfig()
     sigma_scale: DriftSigma = struct.sigma_scale
     """Scale error of the odometry distance."""
     sigma_direction_rad: DriftSigma = struct.sigma_direction_rad
@@ -295,8 +295,8 @@ LEFT_OUT: dict[Kind, tuple[str, ...]] = {  # settings of `Estimator` that a kind
 class Cylinders(Strict):
     """Pillars, poles and trunks in the scans; ``CylinderDetectorConfig`` in C++."""
 
-    struct: ClassVar = _core.CylinderDetectorConfig()
-    fixed: ClassVar = ("jump_gaps", "misfit_probability", "leg_radius_m")
+    struct: ClassVar[Any] = _core.CylinderDetectorConfig()
+    fixed: ClassVar[Any] = ("jump_gaps", "misfit_probability", "leg_radius_m")
 
     method: Literal["arcs", "closest_beam", "cone"] = "arcs"
     """Detection: [a circle fitted to the beams, or its shortest
@@ -342,8 +342,8 @@ class Cylinders(Strict):
 class LandmarkSlam(Strict):
     """How `landmark_slam` maps; with `estimator`, ``LandmarkEkfConfig`` in C++."""
 
-    struct: ClassVar = _core.LandmarkEkfConfig()
-    fixed: ClassVar = ("confirm_within_s",)
+    struct: ClassVar[Any] = _core.LandmarkEkfConfig()
+    fixed: ClassVar[Any] = ("confirm_within_s",)
 
     use_map: bool = True
     """Whether the landmarks of the log are known."""
@@ -358,7 +358,7 @@ class LandmarkSlam(Strict):
 class TagVelocity(Strict):
     """Noise of the velocities that odometry gives tags; ``VelocityConfig`` in C++."""
 
-    struct: ClassVar = _core.VelocityConfig()
+    struct: ClassVar[Any] = _core.VelocityConfig()
     sigma_forward_mps: NonNegative = struct.sigma_forward_mps
     """Forward speed of the wheels, common to all tags [m/s]."""
     sigma_lateral_mps: NonNegative = struct.sigma_lateral_mps
@@ -374,9 +374,9 @@ class TagVelocity(Strict):
 class TagTriangle(Strict):
     """What `tag_triangle` needs; with `estimator`, ``TagTriangleEkfConfig`` in C++."""
 
-    struct: ClassVar = _core.TagTriangleEkfConfig()
-    fixed: ClassVar = ("sigma_start_velocity_mps",)
-    renamed: ClassVar = {"gate_velocity": (0.999, "velocity.gate")}
+    struct: ClassVar[Any] = _core.TagTriangleEkfConfig()
+    fixed: ClassVar[Any] = ("sigma_start_velocity_mps",)
+    renamed: ClassVar[Any] = {"gate_velocity": (0.999, "velocity.gate")}
 
     shape: Literal["soft", "rigid"] = "soft"
     """`soft`: the 12 states of the paper; `rigid`: one body, as `kind: pose`, and none of the keys
@@ -403,7 +403,7 @@ class TagTriangle(Strict):
 class ConstantVelocity(Strict):
     """Motion that nobody measures; ``ConstantVelocityConfig`` in C++."""
 
-    struct: ClassVar = _core.ConstantVelocityConfig()
+    struct: ClassVar[Any] = _core.ConstantVelocityConfig()
     sigma_velocity_per_sqrt_s: Positive = struct.sigma_velocity_per_sqrt_s
     """White acceleration along x and y [m/s/√s]."""
     sigma_climb_per_sqrt_s: Positive = struct.sigma_climb_per_sqrt_s
@@ -415,10 +415,10 @@ class ConstantVelocity(Strict):
 class Air(Strict):
     """What `air` needs; with `estimator`, ``AirEkfConfig`` in C++."""
 
-    struct: ClassVar = _core.AirEkfConfig()
-    fixed: ClassVar = ("sigma_lost_height_per_sqrt_s", "sigma_start_velocity_mps",
+    struct: ClassVar[Any] = _core.AirEkfConfig()
+    fixed: ClassVar[Any] = ("sigma_lost_height_per_sqrt_s", "sigma_start_velocity_mps",
                        "sigma_start_climb_mps")  # fmt: skip
-    renamed: ClassVar = {"gate_altitude": (0.999, "altitude.gate")}
+    renamed: ClassVar[Any] = {"gate_altitude": (0.999, "altitude.gate")}
 
     motion: Literal["odometry", "constant_velocity", "inertial"] = "constant_velocity"
     """What moves the body: odometry in the plane, constant velocity, or [an
@@ -457,7 +457,7 @@ class Air(Strict):
 class ScanOdometry(Strict):
     """Odometry from scans; ``LocalMapConfig`` in C++."""
 
-    struct: ClassVar = _core.LocalMapConfig()
+    struct: ClassVar[Any] = _core.LocalMapConfig()
     sigma_range_m: Annotated[float, Field(ge=1e-6, le=10.0)] = struct.sigma_range_m
     """Range noise of one beam [m]."""
 
@@ -468,9 +468,9 @@ class Imu(Strict):
     ``GyroOdometryConfig`` and ``InertialConfig`` in C++.
     """
 
-    struct: ClassVar = _core.GyroOdometryConfig()
-    in_space: ClassVar = _core.InertialConfig()
-    fixed: ClassVar = ("sigma_bias_radps_per_sqrt_s", "sigma_scale", "sigma_turn_scale")
+    struct: ClassVar[Any] = _core.GyroOdometryConfig()
+    in_space: ClassVar[Any] = _core.InertialConfig()
+    fixed: ClassVar[Any] = ("sigma_bias_radps_per_sqrt_s", "sigma_scale", "sigma_turn_scale")
 
     turn: Literal["weighted", "average"] = "weighted"
     """Turn by variances, or the mean of wheels and gyro."""
@@ -491,8 +491,8 @@ class Imu(Strict):
 class TagConditioner(Strict):
     """What is done to fixes of tags before they are fused; ``TagConditioner::Config`` in C++."""
 
-    struct: ClassVar = _core.TagConditionerConfig()
-    fixed: ClassVar = ("restart_after", "frozen_motion_m", "hold_s")
+    struct: ClassVar[Any] = _core.TagConditionerConfig()
+    fixed: ClassVar[Any] = ("restart_after", "frozen_motion_m", "hold_s")
 
     cutoff_hz: Bounded = struct.cutoff_hz
     """Cut-off of the low-pass; 0: none, as the estimator smooths better [Hz]."""
@@ -509,9 +509,9 @@ class TagConditioner(Strict):
 class Estimator(Strict):
     """An EKF: its kind, and its settings; ``PoseEkfConfig`` in C++ for `pose`."""
 
-    struct: ClassVar = _core.PoseEkfConfig()
-    fixed: ClassVar = ("robust_dof", "robust_late_share")
-    renamed: ClassVar = {
+    struct: ClassVar[Any] = _core.PoseEkfConfig()
+    fixed: ClassVar[Any] = ("robust_dof", "robust_late_share")
+    renamed: ClassVar[Any] = {
         **{f"gate_{of}": (0.999, f"{of}.gate") for of in ("range", "position", "pose", "landmark")},
         **{f"robust_{of}": ("gaussian", f"{of}.noise") for of in ("range", "position", "pose")},
     }
@@ -606,8 +606,8 @@ def ignored_by(estimator: Estimator) -> dict[Message, str]:
 class Health(Strict):
     """Monitor of how far an estimate may be trusted; ``HealthConfig`` in C++."""
 
-    struct: ClassVar = _core.HealthConfig()
-    fixed: ClassVar = ("mean_s_between_losses", "wrong_share", "wrong_span_m", "chance_share",
+    struct: ClassVar[Any] = _core.HealthConfig()
+    fixed: ClassVar[Any] = ("mean_s_between_losses", "wrong_share", "wrong_span_m", "chance_share",
                        "faulty_share", "faulty_share_unnamed", "faulty_s", "exclude_above",
                        "probability_lost", "probability_found", "doubt_s", "invalid_s")  # fmt: skip
 
@@ -622,8 +622,8 @@ class Health(Strict):
 class Initializer(Strict):
     """What a start from nothing asks for; ``InitializerConfig`` in C++."""
 
-    struct: ClassVar = _core.InitializerConfig()
-    fixed: ClassVar = ("epoch_s", "headings", "wrong_share", "wrong_span_m", "spacing_m",
+    struct: ClassVar[Any] = _core.InitializerConfig()
+    fixed: ClassVar[Any] = ("epoch_s", "headings", "wrong_share", "wrong_span_m", "spacing_m",
                        "spacing_heading_rad", "standing_ranges")  # fmt: skip
 
     sigma_map_m: Annotated[float, Field(gt=0.0, lt=1000.0)] = struct.sigma_map_m
@@ -641,7 +641,7 @@ class Initializer(Strict):
 class LikelihoodField(Strict):
     """Where beams end; ``LikelihoodFieldConfig`` in C++, with the defaults of ``MclConfig``."""
 
-    struct: ClassVar = _core.MclConfig().field
+    struct: ClassVar[Any] = _core.MclConfig().field
     sigma_hit_m: Annotated[float, Field(gt=1e-6, lt=1000.0)] = struct.sigma_hit_m
     """Minimum sigma of a return about its wall [m]."""
     random_share: Annotated[float, Field(gt=1e-9, lt=1.0)] = struct.random_share
@@ -657,7 +657,7 @@ class LikelihoodField(Strict):
 class BeamModel(Strict):
     """How far beams go; ``BeamModelConfig`` in C++."""
 
-    struct: ClassVar = _core.BeamModelConfig()
+    struct: ClassVar[Any] = _core.BeamModelConfig()
     hit: Probability = struct.hit
     """Weight of readings near the range that the map predicts."""
     shorter: Probability = struct.shorter
@@ -683,7 +683,7 @@ class BeamModel(Strict):
 class Switch(Strict):
     """When UWB takes over from scans; ``SwitchingMclConfig`` in C++."""
 
-    struct: ClassVar = _core.SwitchingMclConfig()
+    struct: ClassVar[Any] = _core.SwitchingMclConfig()
     sigma_unsure_m: Positive = struct.sigma_unsure_m
     """Position sigma of the particles above which scans are suspect [m]."""
     sigma_sure_m: Positive = struct.sigma_sure_m
@@ -738,12 +738,12 @@ class Mcl(Strict):
     `initializer`, which rescues the particles.
     """
 
-    struct: ClassVar = _core.MclConfig()
-    fixed: ClassVar = ("kld_error", "kld_quantile", "effective_share", "outlier_share",
+    struct: ClassVar[Any] = _core.MclConfig()
+    fixed: ClassVar[Any] = ("kld_error", "kld_quantile", "effective_share", "outlier_share",
                        "resample_below", "most_drop", "min_explained", "scouts", "scout_draws",
                        "most_gain", "sigma_lost_xy_per_sqrt_s", "sigma_lost_heading_per_sqrt_s",
                        "bin_m", "bin_headings")  # fmt: skip
-    renamed: ClassVar = {"refine_up_to": (0, "proposal: scan_match")}
+    renamed: ClassVar[Any] = {"refine_up_to": (0, "proposal: scan_match")}
 
     poses_hz: Rate | None = None
     """Rate of poses for the pose EKF; default: particles are the estimate [Hz]."""
@@ -956,7 +956,9 @@ class RunConfig(Strict):
     ros: Ros = Field(default_factory=Ros)
     """Topics and frames of a ROS robot."""
 
-    renamed: ClassVar = {"delays_s": ({}, "latency_s of the sensor, as estimator.range.latency_s")}
+    renamed: ClassVar[Any] = {
+        "delays_s": ({}, "latency_s of the sensor, as estimator.range.latency_s")
+    }
 
     @property
     def is_inertial(self) -> bool:

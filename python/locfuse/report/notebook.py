@@ -17,7 +17,8 @@ from locfuse.types import Log, Outcomes, RunResult, Trajectory
 _STYLE = (
     "<style>.locfuse .cards {display: flex; flex-wrap: wrap; gap: 0.5em}"
     " .locfuse .card {border: 1px solid #8888; border-radius: 4px; padding: 0.4em; max-width: 16em}"
-    " .locfuse .card b, .locfuse .card span {display: block}</style>"
+    " .locfuse .card b, .locfuse .card span {display: block}"
+    " .locfuse .good {color: #009e73} .locfuse .bad {color: #d55e00}</style>"
 )
 
 
@@ -45,11 +46,16 @@ def _picture(value: object) -> str:
     return f'<br><img alt="" src="data:image/png;base64,{encoded}">'
 
 
+def _is_drawable(track: Trajectory) -> bool:
+    numbers = (track.position, track.covariance)
+    return len(track) > 0 and all(n is None or bool(np.isfinite(n).all()) for n in numbers)
+
+
 def _run_of(value: object) -> RunResult | None:
     """Return a run to draw, with nothing else in it where the value is a part of one."""
-    if isinstance(value, RunResult) and len(value.estimate):
+    if isinstance(value, RunResult) and _is_drawable(value.estimate):
         return value
-    if isinstance(value, Trajectory) and len(value):
+    if isinstance(value, Trajectory) and _is_drawable(value):
         nothing = Outcomes(*(np.empty(0, "U1") for _ in fields(Outcomes)))
         return RunResult({}, Log({}), value, None, nothing, {})
     if isinstance(value, Outcomes) and len(value):

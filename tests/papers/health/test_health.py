@@ -130,7 +130,7 @@ def test_wrong_fixes_after_a_blackout_do_no_harm(way: str) -> None:
 
 
 def test_rows_keep_what_is_asked() -> None:
-    rows = [*health_claims(1, lambda done, total: None)]
+    rows = [*health_claims(3, lambda done, total: None)]
     # Wheels that slip turn the pose faster than scans follow; docs/health.md. Of two losses in
     # drives with unmodelled noise there is no median.
     few = {"trust_scans_false", "trust_scans_wheels_slip_and_nobody_knows_delay"}

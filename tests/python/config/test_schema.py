@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from locfuse import _core
+from locfuse.config import schema
 from locfuse.config.base import Strict
 from locfuse.config.build import (
     build_air_config,
@@ -542,3 +544,9 @@ def test_scan_odometry_has_the_default_of_the_struct() -> None:
     assert ScanOdometry().sigma_range_m == _core.LocalMapConfig().sigma_range_m
     with pytest.raises(ValueError, match="odometry, which use leaves out"):
         parse_config({"scan_odometry": {}, "use": ["ranges"]})
+
+
+def test_class_variables_name_their_type_which_python_3_10_needs() -> None:
+    text = Path(str(schema.__file__)).read_text(encoding="utf-8")
+    assert "ClassVar[Any]" in text
+    assert not re.search(r": ClassVar\b(?!\[)", text)

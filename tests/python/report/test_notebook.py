@@ -68,6 +68,21 @@ def test_without_rows_there_are_words(result: RunResult) -> None:
     assert "Trajectory(" in empty._repr_html_()
 
 
+def test_what_cannot_be_drawn_is_words(result: RunResult) -> None:
+    assert result.estimate.covariance is not None
+    unknown = replace(result.estimate, covariance=np.full_like(result.estimate.covariance, np.nan))
+    nowhere = replace(result.estimate, position=np.full_like(result.estimate.position, np.inf))
+    for odd in (unknown, nowhere):
+        assert "<img" not in odd._repr_html_()
+        assert "<img" not in replace(result, estimate=odd)._repr_html_()
+
+
+def test_counts_and_zeros_are_shown_as_they_are(result: RunResult) -> None:
+    metrics = {**result.metrics, "messages": 123_456_789, "position_rmse_m": 0.0}
+    assert "messages=123456789" in repr(replace(result, metrics=metrics))
+    assert "position_rmse_m=0" in repr(replace(result, metrics=metrics))
+
+
 def test_without_matplotlib_it_says_what_to_install(
     result: RunResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:

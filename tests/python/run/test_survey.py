@@ -147,6 +147,7 @@ def test_ids_that_are_swapped_are_named_in_every_room() -> None:
             f"anchors {a} and {b} are swapped" in text or f"anchors {b} and {a} are swapped" in text
             for text in found.findings
         ), seed
+        assert seed % 3 or not survey(config, log).findings
 
 
 def test_an_anchor_that_is_elsewhere_is_named_and_found() -> None:
