@@ -23,8 +23,8 @@ make_root() { # name, suite
   cp -r /etc/apt/apt.conf.d/. "$bare/$1/etc/apt/apt.conf.d/"
   cp /etc/resolv.conf /etc/hosts "$bare/$1/etc/"
   [ ! -e /etc/pip.conf ] || cp /etc/pip.conf "$bare/$1/etc/"
-  mkdir -p "$bare/$1/root/.config/pip"
-  [ ! -e "$HOME/.config/pip/pip.conf" ] || cp "$HOME/.config/pip/pip.conf" "$bare/$1/root/.config/pip/"
+  user_pip=${XDG_CONFIG_HOME:-$HOME/.config}/pip/pip.conf
+  [ ! -e "$user_pip" ] || cp "$user_pip" "$bare/$1/etc/pip-user.conf"
   cp -L /etc/ssl/certs/ca-certificates.crt "$bare/$1/etc/ssl/certs/"
 }
 
@@ -41,7 +41,7 @@ in_root() { # name, command for its shell
     mount -t proc proc "$root/proc"
     mount --bind /opt "$root/opt"
     mount -o remount,bind,ro "$root/opt"
-    exec env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 "$@" \
+    exec env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 "$@" PIP_CONFIG_FILE=/etc/pip-user.conf \
       chroot "$root" /bin/sh -c "$command"' in_root "$bare/$1" "$2"
 }
 

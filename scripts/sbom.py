@@ -78,7 +78,6 @@ def component(name: str, version: str, url: PackageURL) -> Component:
 def bill() -> Bom:
     """Return the bill of materials of the package as it is installed."""
     ours, *others = needed(["locfuse"])
-    root = component("locfuse", ours.version, PackageURL("pypi", None, "locfuse", ours.version))
     parts = [
         component(part.name, part.version, PackageURL("pypi", None, part.name, part.version))
         for part in (*others, *map(distribution, BUILD))
@@ -86,7 +85,7 @@ def bill() -> Bom:
     for name in (*loaded(import_module("locfuse._core").__file__ or ""), *HEADERS):
         version = said("dpkg-query", "-W", "-f", "${Version}", name)
         parts.append(component(name, version, PackageURL("deb", "debian", name, version)))
-    return of(root, parts)
+    return consisting_of(ours.version, parts)
 
 
 def bill_of_wheel(version: str, inside: list[str]) -> Bom:
@@ -97,11 +96,12 @@ def bill_of_wheel(version: str, inside: list[str]) -> Bom:
         if not of_it:
             sys.exit(f"{text}: expected NAME=VERSION")
         parts.append(component(name, of_it, PackageURL("generic", None, name, of_it)))
-    return of(component("locfuse", version, PackageURL("pypi", None, "locfuse", version)), parts)
+    return consisting_of(version, parts)
 
 
-def of(root: Component, parts: list[Component]) -> Bom:
-    """Return a bill of materials of what consists of parts."""
+def consisting_of(version: str, parts: list[Component]) -> Bom:
+    """Return the bill of materials of a version of locfuse that consists of parts."""
+    root = component("locfuse", version, PackageURL("pypi", None, "locfuse", version))
     bom = Bom()
     bom.metadata.component = root
     for part in parts:

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import base64
 import shlex
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
 from locfuse import __version__
-from locfuse.report.html_page import page, table
+from locfuse.report.html_page import page, png_address, table
 from papers.claims import Judged, Paper, Row, judge
 from papers.page.cells import HEAD, OURS, cells_of
 from papers.page.repeated import FIVE, PAPERS_IN_ORDER, Repeated
@@ -136,10 +135,10 @@ def _figures(
                  for one in judged if one.statement.picture == stem]  # fmt: skip
         caption = escape(paper.captions.get(stem, ""))
         shows = f" Claims: {', '.join(links)}." if links else ""
-        data = base64.b64encode((folder / f"{stem}.png").read_bytes()).decode("ascii")
+        address = png_address((folder / f"{stem}.png").read_bytes())
         parts.append(
             f'<figure id="{paper.key}-{stem}"><div class="wide"><img alt="{caption}" '
-            f'src="data:image/png;base64,{data}"></div>'
+            f'src="{address}"></div>'
             f"<figcaption><p>{caption}{shows}</p></figcaption></figure>"
         )
     return parts

@@ -6,6 +6,7 @@ from __future__ import annotations
 import difflib
 import os
 import reprlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from importlib import import_module
@@ -107,15 +108,15 @@ def _likeness(value: object) -> str:
     return repr(value) if isinstance(value, Shown) else shown(value)
 
 
-class Table(Shown):
+class Table(Shown, ABC):
     """Rows over time, or of landmarks, that are columns of equal length by themselves."""
 
+    @abstractmethod
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return the columns of the file of the same name in a folder of results, in its order.
 
         ``stamp_ns`` stands for ``stamp_s``. Not copies: do not write into them.
         """
-        raise NotImplementedError
 
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame of `columns`; ``stamp_s``, seconds, is the index.
@@ -620,7 +621,7 @@ class Frame(Shown):
 
 
 @dataclass(frozen=True, repr=False)
-class RunResult(Shown):
+class RunResult:
     """One run: what was asked, what came in, what was estimated, how good it was.
 
     Attributes

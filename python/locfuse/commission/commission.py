@@ -27,7 +27,7 @@ from locfuse.run.messages import truth_of
 from locfuse.run.run import run
 from locfuse.run.survey import OF_ORIGIN, OF_POSES, OF_START, SIGMA_OFFSET_M, survey
 from locfuse.run.survey_frame import NOT_LIKE_THE_LIST, OF_LIST, limit_of
-from locfuse.run.survey_result import SurveyResult, landmarks_table
+from locfuse.run.survey_result import SurveyResult
 from locfuse.tune.result import TuneResult
 from locfuse.tune.tune import tune
 from locfuse.types import Columns, ConfigError, Log, LogError, RunResult, Trajectory
@@ -240,7 +240,7 @@ class _Setup:
         if any(a.word != "not placed" for a in self.survey.anchors):
             tables["anchors"] = self._list_of_anchors(self.survey)
         if len(self.survey.landmarks) and "landmarks" not in tables:
-            tables["landmarks"] = landmarks_table(self.survey.landmarks)
+            tables["landmarks"] = self.survey.landmarks.columns()
         tags = dict(self.world.tags)
         for tag in self.survey.tags:
             up = self.recorded.tags[tag.name][2]

@@ -128,6 +128,13 @@ def number_texts(values: FloatArray) -> list[str]:
     return ["" if value != value else repr(value) for value in values.tolist()]
 
 
+def column_texts(name: str, values: NDArray[Any]) -> list[str]:
+    """Write a column: stamps, whose name ends in ``_ns``, as seconds, numbers or names."""
+    if name.endswith("_ns"):
+        return stamp_texts(values)
+    return number_texts(values) if values.dtype.kind == "f" else [*map(str, values.tolist())]
+
+
 def write_table(path: Path, header: Sequence[str], columns: Iterable[Sequence[str]]) -> None:
     """Write columns of text as CSV, whole or not at all; texts are quoted where RFC 4180 says."""
     rows = map(",".join, zip(*map(_quoted, columns), strict=True))

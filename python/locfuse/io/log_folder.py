@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.csv_table import CsvTable, number_texts, read_table, stamp_texts, write_table
+from locfuse.io.csv_table import CsvTable, column_texts, read_table, stamp_texts, write_table
 from locfuse.io.geodesy import Origin
 from locfuse.io.georeference import in_plane, is_on_earth, measured, origin_of, origin_sentence
 from locfuse.io.log_yaml import checked, read_log_yaml, write_log_yaml
@@ -26,7 +26,6 @@ from locfuse.types import (
     NANOSECONDS,
     QUATERNION,
     Columns,
-    FloatArray,
     Log,
     LogError,
     nearest,
@@ -659,10 +658,4 @@ def _check_name(text: str, where: str) -> None:
 def _texts(table: Columns) -> Iterator[list[str]]:
     """Yield the columns of a file as text."""
     for name, values in table.items():
-        if name in NAMES:
-            yield values.tolist()
-        elif name.endswith("_ns"):
-            yield stamp_texts(values)
-        else:
-            columns: Iterable[FloatArray] = values.T if values.ndim == 2 else (values,)
-            yield from map(number_texts, columns)
+        yield from (column_texts(name, column) for column in np.atleast_2d(values.T))

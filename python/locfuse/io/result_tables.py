@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.csv_table import number_texts, stamp_texts, write_table
+from locfuse.io.csv_table import column_texts, write_table
 from locfuse.types import Health, Table, Trajectory
 
 
@@ -30,12 +30,4 @@ def write_estimate(path: Path, estimate: Trajectory, health: Health | None = Non
 
 def _write(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     header = ["stamp_s" if name == "stamp_ns" else name for name in columns]
-    write_table(path, header, [_texts(name, values) for name, values in columns.items()])
-
-
-def _texts(name: str, values: NDArray[Any]) -> list[str]:
-    if name == "stamp_ns":
-        return stamp_texts(values)
-    if values.dtype.kind == "f":
-        return number_texts(values)
-    return [str(value) for value in values.tolist()]
+    write_table(path, header, [column_texts(name, values) for name, values in columns.items()])

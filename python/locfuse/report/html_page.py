@@ -39,13 +39,17 @@ def page(title: str, body: str, script: str = "") -> str:
     return _PAGE.format(title=escape(title), style=_STYLE, body=body, script=allowed)
 
 
+def png_address(png: bytes) -> str:
+    """Return the address of a picture that is in the address itself."""
+    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+
+
 def picture(name: str, heading: str, caption: str, file: Path) -> str:
     """Return a PNG with a heading and a caption, held in the page itself."""
-    data = base64.b64encode(file.read_bytes()).decode("ascii")
     return (
         f'<h2 id="{name}">{escape(heading)}</h2>\n<figure><figcaption><p class="quiet">'
         f'{escape(caption)}</p></figcaption><div class="wide"><img alt="{escape(heading)}" '
-        f'src="data:image/png;base64,{data}"></div></figure>'
+        f'src="{png_address(file.read_bytes())}"></div></figure>'
     )
 
 

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from dataclasses import fields
 from html import escape
 
 import numpy as np
 
+from locfuse.report.html_page import png_address
 from locfuse.report.pictures import NO_PICTURES, has_matplotlib
 from locfuse.report.summary_cards import cards
 from locfuse.types import Log, Outcomes, RunResult, Trajectory
@@ -42,8 +42,7 @@ def _picture(value: object) -> str:
 
     data = io.BytesIO()
     (plot_path if len(run.estimate) else plot_outcomes)(run).savefig(data, dpi=80)
-    encoded = base64.b64encode(data.getvalue()).decode("ascii")
-    return f'<br><img alt="" src="data:image/png;base64,{encoded}">'
+    return f'<br><img alt="" src="{png_address(data.getvalue())}">'
 
 
 def _is_drawable(track: Trajectory) -> bool:

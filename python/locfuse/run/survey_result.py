@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from locfuse.io.csv_table import number_texts, read_bytes, write_table
+from locfuse.io.result_tables import write_columns
 from locfuse.types import Columns, FloatArray, LogError, MappedLandmarks, Trajectory, shown
 
 AXES = ("x_m", "y_m", "z_m")
@@ -153,20 +154,10 @@ def write_survey(result: SurveyResult, folder: Path) -> list[Path]:
         columns = [[a.name for a in placed], *(number_texts(at[:, k]) for k in range(3))]
         written.append(folder / "anchors.csv")
         write_table(written[-1], ("anchor", *AXES), columns)
-    found = result.landmarks
-    if len(found):
-        table = landmarks_table(found)
-        name, *numbers = table.values()
+    if len(result.landmarks):
         written.append(folder / "landmarks.csv")
-        write_table(written[-1], tuple(table), [name.tolist(), *map(number_texts, numbers)])
+        write_columns(written[-1], result.landmarks)
     return written
-
-
-def landmarks_table(found: MappedLandmarks) -> Columns:
-    """Return landmarks as the table ``landmarks`` of a log."""
-    (x, y), P = found.position.T.copy(), found.covariance
-    return {"landmark": found.name, "x_m": x, "y_m": y, "cov_x_x": P[:, 0, 0].copy(),
-            "cov_x_y": P[:, 0, 1].copy(), "cov_y_y": P[:, 1, 1].copy()}  # fmt: skip
 
 
 def yaml_of(result: SurveyResult) -> Mapping[str, Mapping[str, float]]:

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import base64
 import struct
 import zlib
 from typing import Any
 
 import numpy as np
 
+from locfuse.report.html_page import png_address
 from locfuse.types import FREE, OCCUPIED, UNKNOWN, Columns, GridMap, MappedLandmarks, RunResult
 
 _GREY = {OCCUPIED: 0, FREE: 255}  # unknown is 128
@@ -76,7 +76,7 @@ def _png(grid: GridMap) -> str:
             (b"IEND", b""),
         )
     )
-    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+    return png_address(png)
 
 
 def _walls(result: RunResult) -> list[list[float]]:
