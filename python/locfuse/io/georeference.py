@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from locfuse.io.geodesy import Origin, distance, origin_at, to_plane
-from locfuse.types import MAX_SPEED_MPS, NANOSECONDS, Columns, LogError
+from locfuse.io.geodesy import Origin, distance, origin_at, to_degrees, to_plane
+from locfuse.types import MAX_SPEED_MPS, NANOSECONDS, Columns, FloatArray, LogError
 
 FAR_SIGMAS = 5.0  # beyond which two fixes do not agree
 UNKNOWN_SIGMA_M = 10.0  # of a fix that brings none
@@ -97,3 +98,15 @@ def in_plane(table: Columns, origin: Origin, where: str, *, may_leap: bool = Fal
         elif name != "altitude_m":
             found[name] = column
     return found
+
+
+def on_earth(position: FloatArray, origin: Origin) -> dict[str, FloatArray]:
+    """Return columns `latitude_deg` and `longitude_deg` of points of the map, shape (n, 2).
+
+    On the ellipsoid, as of `to_degrees`; NaN where a point is farther than the Earth reaches.
+    """
+    degrees = np.full(position.shape, np.nan)
+    for row, (x, y) in enumerate(position.tolist()):
+        with suppress(ValueError):
+            degrees[row] = to_degrees(x, y, origin)
+    return {"latitude_deg": degrees[:, 0], "longitude_deg": degrees[:, 1]}

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from locfuse.io.csv_table import column_texts, write_table
+from locfuse.io.geodesy import Origin
+from locfuse.io.georeference import on_earth
 from locfuse.types import Health, Table, Trajectory
 
 
@@ -19,9 +21,13 @@ def write_columns(path: Path, table: Table) -> None:
     _write(path, table.columns())
 
 
-def write_estimate(path: Path, estimate: Trajectory, health: Health | None = None) -> None:
-    """Write ``estimate.csv``: poses with covariance, and the state of health."""
+def write_estimate(
+    path: Path, estimate: Trajectory, health: Health | None = None, origin: Origin | None = None
+) -> None:
+    """Write ``estimate.csv``: poses with covariance, where on the Earth, the state of health."""
     columns = estimate.columns()
+    if origin is not None:
+        columns |= on_earth(estimate.position, origin)
     if health is not None and len(health):
         last = np.searchsorted(health.stamp_ns, estimate.stamp_ns, side="right") - 1
         columns["state"] = health.state[np.maximum(last, 0)]

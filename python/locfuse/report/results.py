@@ -46,7 +46,7 @@ def _write(result: RunResult, folder: Path) -> None:
         at, _ = interpolate(result.truth, result.estimate.stamp_ns)
         if len(at) > 0:
             write_tum(folder / "truth.tum", at)
-    write_estimate(folder / "estimate.csv", result.estimate, result.health)
+    write_estimate(folder / "estimate.csv", result.estimate, result.health, result.log.gps_origin)
     write_columns(folder / "outcomes.csv", result.outcomes)
     if result.health is not None:
         write_columns(folder / "health.csv", result.health)

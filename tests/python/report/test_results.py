@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from locfuse.config.load import load_config
+from locfuse.io.geodesy import to_plane
 from locfuse.io.tum import read_tum
 from locfuse.report.pictures import has_matplotlib, require_matplotlib
 from locfuse.report.results import write_results
@@ -95,6 +96,25 @@ def test_the_covariance_reads_back_bit_for_bit(result: RunResult, folder: Path) 
     assert [float(row["heading_rad"]) for row in rows] == estimate.heading.tolist()
     assert [row["stamp_s"] for row in rows[:2]] == ["0.000000000", "0.033333333"]
     assert (np.linalg.eigvalsh(found) > 0.0).all()
+
+
+def test_poses_are_on_the_earth_where_the_map_is(result: RunResult, tmp_path: Path) -> None:
+    origin = (48.137, 11.575, 30.0)
+    position = result.estimate.position.copy()
+    position[-1] = [1e8, 0.0]  # beyond the Earth
+    away = replace(result, log=replace(result.log, gps_origin=origin),
+                   estimate=replace(result.estimate, position=position))  # fmt: skip
+    write_results(away, tmp_path)
+    *rows, last = rows_of(tmp_path / "estimate.csv")
+    places = [(float(row["latitude_deg"]), float(row["longitude_deg"])) for row in rows]
+    found = [to_plane(latitude, longitude, 0.0, origin) for latitude, longitude in places]
+    np.testing.assert_allclose(found, position[:-1], atol=1e-6)
+    assert (last["latitude_deg"], last["longitude_deg"]) == ("", "")
+    assert places[0] == pytest.approx((48.137, 11.575), abs=1e-3)
+
+
+def test_poses_are_not_on_the_earth_where_nobody_knows_it(folder: Path) -> None:
+    assert not any("deg" in name for name in rows_of(folder / "estimate.csv")[0])
 
 
 def test_each_pose_has_the_state_of_health_at_its_stamp(result: RunResult, folder: Path) -> None:
