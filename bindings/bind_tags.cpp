@@ -301,7 +301,8 @@ void bind_ekf(py::module_& m) {
       .def_readwrite("holds_sides", &Config::holds_sides,
                      "Whether fixes and ranges are followed by the sides, once for all of a stamp, "
                      "where there has been no odometry for a second.")
-      .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps);
+      .def_readwrite("sigma_start_velocity_mps", &Config::sigma_start_velocity_mps)
+      .def_readwrite("correlation_s", &Config::correlation_s, "As of PoseEkfConfig.");
   py::class_<TagTriangleEkf>(m, "TagTriangleEkf",
                              R"(Extended Kalman filter over positions and velocities of three tags.
 

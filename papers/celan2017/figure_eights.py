@@ -105,6 +105,7 @@ def triangle(
     R of a tag's velocity by wheels is `sigma_mps` squared, Q that of white acceleration.
     """
     config = _core.TagTriangleEkfConfig()
+    config.correlation_s = 0.0  # simulated errors are independent
     config.heading_is_known = True
     config.motion.sigma_velocity_per_sqrt_s = sigma_velocity_per_sqrt_s
     config.velocity.sigma_forward_mps = config.velocity.sigma_lateral_mps = sigma_mps

@@ -151,6 +151,7 @@ def tag_triangle_ekf(seed: int, factor: float) -> Sample:
     start = np.array([3.0, 4.0, 0.3])
     state = start + sigma * rng.standard_normal(3)
     config = _core.TagTriangleEkfConfig()
+    config.correlation_s = 0.0
     config.motion.sigma_velocity_per_sqrt_s = 0.1 * factor
     for name in ("sigma_forward_mps", "sigma_lateral_mps", "sigma_turn_rate_radps",
                  "sigma_point_mps"):  # fmt: skip

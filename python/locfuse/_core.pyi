@@ -4118,6 +4118,13 @@ class TagTriangleEkfConfig:
     velocity: VelocityConfig
     def __init__(self) -> None: ...
     @property
+    def correlation_s(self) -> float:
+        """
+        As of PoseEkfConfig.
+        """
+    @correlation_s.setter
+    def correlation_s(self, arg0: typing.SupportsFloat | typing.SupportsIndex) -> None: ...
+    @property
     def heading_is_known(self) -> bool:
         """
         Whether the heading that rotates wheel velocities is taken as exact, as in the paper; otherwise that of the tags is used, with its Jacobian.

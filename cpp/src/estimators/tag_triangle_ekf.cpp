@@ -212,20 +212,14 @@ class TagTriangleEkf::Transaction {
   explicit Transaction(TagTriangleEkf& ekf)
       : ekf_(&ekf),
         counted_(ekf.belief_),
-        stamp_(ekf.belief_.stamp),
-        interventions_(ekf.belief_.interventions),
-        x_(ekf.belief_.x),
-        P_(ekf.belief_.P),
+        before_(ekf.belief_),
         sides_(ekf.sides_),
         sides_due_(ekf.sides_due_) {}
   Transaction(const Transaction&) = delete;
   Transaction& operator=(const Transaction&) = delete;
   ~Transaction() {
     if (ekf_ != nullptr) {
-      ekf_->belief_.stamp = stamp_;
-      ekf_->belief_.interventions = interventions_;
-      ekf_->belief_.x = x_;
-      ekf_->belief_.P = P_;
+      ekf_->belief_ = before_.belief();
       ekf_->sides_ = sides_;
       ekf_->sides_due_ = sides_due_;
     }
@@ -233,7 +227,8 @@ class TagTriangleEkf::Transaction {
   [[nodiscard]] Outcome close(Outcome outcome) {
     if (outcome.verdict == Verdict::kFused) {
       ekf_ = nullptr;
-      outcome.interventions = static_cast<int>(counted_.interventions - interventions_);
+      outcome.interventions =
+          static_cast<int>(counted_.interventions - before_.belief().interventions);
     }
     return outcome;
   }
@@ -241,10 +236,7 @@ class TagTriangleEkf::Transaction {
  private:
   TagTriangleEkf* ekf_;
   const GaussianBelief& counted_;
-  Stamp stamp_;
-  std::uint64_t interventions_;
-  Vector<kVariables> x_;
-  Matrix<kVariables, kVariables> P_;
+  internal::KeptBelief before_;
   Outcome sides_;
   bool sides_due_;
 };
@@ -280,6 +272,7 @@ TagTriangleEkf::TagTriangleEkf(std::shared_ptr<const Recipe> recipe, Stamp stamp
     slots.push_back(belief.add("tag" + std::to_string(i) + ".velocity", SlotKind::kPoint2,
                                Vector<2>::Zero(), sigma * sigma * Matrix<2, 2>::Identity()));
   }
+  internal::expect_correlated(belief, recipe_->config.correlation_s);
   belief_ = std::move(belief);
 }
 
@@ -301,7 +294,9 @@ TagTriangleEkf::TagTriangleEkf(const Config& config, const World& world, const P
     : TagTriangleEkf(std::make_shared<const Recipe>(config, world), start) {}
 
 TagTriangleEkf TagTriangleEkf::restarted(const PoseEstimate& start) const {
-  return {recipe_, start};
+  TagTriangleEkf other(recipe_, start);
+  other.belief_.correlated = belief_.correlated.restarted();
+  return other;
 }
 
 TagTriangleEkf::TagTriangleEkf(const Config& config, const World& world,
@@ -362,7 +357,8 @@ Outcome TagTriangleEkf::on(const PositionFix& z) {
         rows.jacobian.setZero(lin->residual.size(), kVariables);
         rows.jacobian.middleCols<2>(2 * tag) = lin->jacobian;
         rows.noise = lin->noise;
-        return rows;
+        return internal::of_source(recipe_->config, std::optional(rows), Source::kPositions,
+                                   *z.tag);
       },
       [&] { return !z.tag    ? Reason::kUnnamed
                    : tag < 0 ? Reason::kUnknownTag
@@ -379,7 +375,9 @@ Outcome TagTriangleEkf::on(const Range& z) {
       z.stamp, recipe_->range_gate,
       [&]() -> std::optional<Rows<1>> {
         const auto lin = tag < 0 ? std::nullopt : recipe_->range.linearize_point(position(tag), z);
-        return lin ? std::optional(placed(*lin, 2 * tag)) : std::nullopt;
+        return internal::of_source(recipe_->config,
+                                   lin ? std::optional(placed(*lin, 2 * tag)) : std::nullopt,
+                                   Source::kRanges, internal::link_of(z));
       },
       [&] { return internal::why_not(recipe_->range, z); });
 }
@@ -437,18 +435,19 @@ Outcome TagTriangleEkf::take(Stamp begin, Stamp end, const Vector<3>& twist) {
       const Vector<2> expected = VelocityModel::predict(heading, twist, recipe_->body.col(i));
       by_heading.segment<2>(2 * i) << -expected.y(), expected.x();
     }
-    rows.jacobian.leftCols<kHalf>() = -by_heading * heading_by_tags(body.pose);
+    rows.jacobian.leftCols<kHalf>() = -by_heading * pose_by_tags(body.pose).row(2);
   }
   const Outcome outcome = update(belief_, rows, recipe_->slots, recipe_->velocity_gate);
   if (outcome.verdict == Verdict::kFused) {
     (void)hold_sides();
     odometry_until_ = end;
+    speed_ = twist.head<2>().norm() + std::abs(twist.z());
   }
   return transaction.close(outcome);
 }
 
-/// How the heading of the fit depends on the places of the tags.
-Matrix<1, 6> TagTriangleEkf::heading_by_tags(const Pose2& pose) const {
+/// How the pose of the fit depends on the places of the tags.
+Matrix<3, 6> TagTriangleEkf::pose_by_tags(const Pose2& pose) const {
   Matrix<kHalf, 3> J;
   for (int i = 0; i < kTags; ++i) {
     J.middleRows<2>(2 * i) = by_pose(pose, recipe_->body.col(i));
@@ -456,7 +455,7 @@ Matrix<1, 6> TagTriangleEkf::heading_by_tags(const Pose2& pose) const {
   const Matrix<kHalf, kHalf> P = belief_.P.topLeftCorner<kHalf, kHalf>();
   const Matrix<kHalf, 3> weighted = P.llt().solve(J);
   const Matrix<3, 3> information = J.transpose() * weighted;
-  return (weighted * information.llt().solve(Vector<3>::UnitZ())).transpose();
+  return information.llt().solve(weighted.transpose());
 }
 
 Outcome TagTriangleEkf::hold_sides() {
@@ -488,6 +487,10 @@ void TagTriangleEkf::advance_to(Stamp stamp) {
   const Vector<kVariables> x = belief_.x;
   predict(belief_, recipe_->motion.propagate<kVariables>(x, seconds_between(belief_.stamp, stamp)),
           recipe_->slots);
+  if (odometry_until_ && stamp <= *odometry_until_ + kOdometryTimeout) {
+    const double still = std::max(0.0, 1.0 - speed_ / internal::StandingTuning::kSpeed);
+    belief_.correlated.stand(still * seconds_between(belief_.stamp, stamp));
+  }
   belief_.stamp = stamp;
 }
 
@@ -510,7 +513,13 @@ PoseEstimate TagTriangleEkf::current() const {
   if (body.status == RigidFitStatus::kNoDirection || body.status == RigidFitStatus::kNotConverged) {
     throw NumericalError("the three tags prefer no heading of the body");
   }
-  return {belief_.stamp, body.pose, body.covariance};
+  if (belief_.correlated.is_empty()) {
+    return {belief_.stamp, body.pose, body.covariance};
+  }
+  const Matrix<3, 6> G = pose_by_tags(body.pose);
+  const Matrix<6, 6> D = belief_.correlated.excess().topLeftCorner<6, 6>();
+  return {belief_.stamp, body.pose,
+          GaussianBelief::with_excess<3>(body.covariance, G * D * G.transpose())};
 }
 
 PoseEstimate TagTriangleEkf::estimate() const {

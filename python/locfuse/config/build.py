@@ -52,7 +52,7 @@ def build_landmark_config(estimator: Estimator) -> _core.LandmarkEkfConfig:
 def build_triangle_config(estimator: Estimator) -> _core.TagTriangleEkfConfig:
     """Return the C++ struct with every value of `estimator` for three tags."""
     config, triangle = _core.TagTriangleEkfConfig(), estimator.tag_triangle
-    _copy(config, estimator, (), ("range", "position", "limits"))
+    _copy(config, estimator, ("correlation_s",), ("range", "position", "limits"))
     _copy(config, triangle, ("heading_is_known",), ("velocity",))
     config.motion.sigma_velocity_per_sqrt_s = triangle.sigma_velocity_per_sqrt_s
     config.side.sigma_m = triangle.sigma_side_m

@@ -287,7 +287,7 @@ _OF_POSE = ("calibration", "adaptive", "range.noise", "position.noise", "pose.no
 LEFT_OUT: dict[Kind, tuple[str, ...]] = {  # settings of `Estimator` that a kind does not have
     "pose": ("landmark_slam", "tag_triangle", "air"),
     "landmark_slam": ("tag_triangle", "air", *_OF_POSE),
-    "tag_triangle": ("landmark_slam", "air", "correlation_s", *_OF_POSE),
+    "tag_triangle": ("landmark_slam", "air", *_OF_POSE),
     "air": ("landmark_slam", "tag_triangle", "calibration", "adaptive", "heading"),
 }
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Cholesky>
+#include <array>
+#include <cmath>
 
 #include "locfuse/frontends/tag_conditioner.hpp"
 #include "support/consistency.hpp"
@@ -34,6 +36,7 @@ Consistency measure(const Change& change, const TagConditioner::Config* conditio
     config.motion.sigma_velocity_per_sqrt_s = 0.07;
     config.position.gate = 1.0;
     config.velocity.gate = 1.0;
+    config.correlation_s = 0.0;
     change(config);
     TagTriangleEkf ekf(config, {{}, testing::triangle()}, run.start);
     std::optional<TagConditioner> conditioner;
@@ -93,6 +96,101 @@ TEST(TagTriangleEkf, is_too_sure_behind_a_low_pass_whose_lag_it_does_not_know) {
   conditioning.cutoff_hz = 0.0;
   const Consistency raw = measure([](TagTriangleEkf::Config&) {}, &conditioning);
   EXPECT_TRUE(in_band(raw.nees, 3, kRuns)) << raw.nees;
+}
+
+/// Mean over the runs of the NEES of 3 at the end, where errors of fixes keep half of their
+/// variance over a correlation time, of each tag by itself or common to all.
+double nees_where_errors_last(double seconds, double correlation_s, bool are_common = false) {
+  double sum = 0.0;
+  for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+    testing::Scrubber run;
+    testing::drive(run, seed, 100.0);
+    testing::Rng rng(1000 + seed);
+    const auto drawn = [&] {
+      return Vector<2>{testing::normal(rng, run.sigma_fix), testing::normal(rng, run.sigma_fix)};
+    };
+    std::array<Vector<2>, 3> lasting{drawn(), drawn(), drawn()};
+    TagTriangleEkf::Config config;
+    config.motion.sigma_velocity_per_sqrt_s = 0.07;
+    config.correlation_s = correlation_s;
+    TagTriangleEkf ekf(config, {{}, testing::triangle()}, run.start);
+    const double kept = std::exp(-1.0 / seconds);  // fixes come about once a second
+    for (Message& message : run.messages) {
+      if (PositionFix* z = std::get_if<PositionFix>(&message)) {
+        const int tag = *z->tag - 10;
+        Vector<2>& error = lasting.at(are_common ? 0 : static_cast<std::size_t>(tag));
+        if (!are_common || tag == 0) {
+          error = kept * error + std::sqrt(1.0 - kept * kept) * drawn();
+        }
+        z->position += error;
+        z->covariance *= 2.0;
+      }
+      ekf.on(message);
+    }
+    const PoseEstimate end = ekf.estimate();
+    const Vector<3> error = local({run.x, run.y, wrap_angle(run.heading)}, end.pose);
+    sum += error.dot(end.covariance.llt().solve(error)) / kRuns;
+  }
+  return sum;
+}
+
+TEST(TagTriangleEkf, errors_that_last_are_known_to) {
+  for (const double seconds : {5.0, 20.0}) {
+    EXPECT_GT(nees_where_errors_last(seconds, 0.0), 4.0) << seconds;
+    const double nees = nees_where_errors_last(seconds, 10.0);
+    EXPECT_GT(nees, 1.5) << seconds;
+    EXPECT_LT(nees, 4.5) << seconds;
+  }
+}
+
+TEST(TagTriangleEkf, errors_that_all_tags_share_are_known_to) {
+  EXPECT_GT(nees_where_errors_last(20.0, 0.0, true), 5.0);
+  const double nees = nees_where_errors_last(20.0, 10.0, true);
+  EXPECT_GT(nees, 1.5);
+  EXPECT_LT(nees, 4.5);
+}
+
+/// A scrubber that stands for so long, with errors of 0.3 m that do not change meanwhile.
+PoseEstimate stood(double seconds, double correlation_s) {
+  TagTriangleEkf::Config config;
+  config.correlation_s = correlation_s;
+  TagTriangleEkf ekf(config, {{}, testing::triangle()},
+                     PoseEstimate{0, {3.0, 4.0, 0.3}, 0.01 * Matrix<3, 3>::Identity()});
+  for (int step = 1; step <= static_cast<int>(5.0 * seconds); ++step) {
+    const Stamp now = step * testing::kSecond / 5;
+    ekf.on(Velocity{now, 0.0, 0.0});
+    for (int i = 0; i < 3 && step % 5 == 0; ++i) {
+      const Vector<2> tag =
+          Pose2{3.0, 4.0, 0.3}.act({testing::Scrubber::kTagX[i], testing::Scrubber::kTagY[i]});
+      ekf.on(PositionFix{now, tag + Vector<2>{0.3, 0.0}, 0.09 * Matrix<2, 2>::Identity(), 10 + i});
+    }
+  }
+  return ekf.estimate();
+}
+
+TEST(TagTriangleEkf, a_robot_that_stands_is_not_surer_for_it) {
+  const auto nees = [](const PoseEstimate& end) {
+    const Vector<3> error = local({3.0, 4.0, 0.3}, end.pose);
+    return error.dot(end.covariance.llt().solve(error));
+  };
+  EXPECT_GT(nees(stood(300.0, 0.0)), 30.0);
+  EXPECT_LT(nees(stood(300.0, 10.0)), 6.0);
+}
+
+TEST(TagTriangleEkf, errors_that_last_move_nothing_but_the_covariance_that_is_reported) {
+  testing::Scrubber run;
+  testing::drive(run, 7, 60.0);
+  TagTriangleEkf::Config config;
+  TagTriangleEkf lasting(config, {{}, testing::triangle()}, run.start);
+  config.correlation_s = 0.0;
+  TagTriangleEkf independent(config, {{}, testing::triangle()}, run.start);
+  for (const Message& message : run.messages) {
+    EXPECT_EQ(lasting.on(message), independent.on(message));
+  }
+  EXPECT_EQ(lasting.belief().x, independent.belief().x);
+  EXPECT_EQ(lasting.belief().P, independent.belief().P);
+  EXPECT_EQ(lasting.pose(), independent.pose());
+  EXPECT_GT(lasting.estimate().covariance.trace(), independent.estimate().covariance.trace());
 }
 
 }  // namespace

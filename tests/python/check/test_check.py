@@ -593,8 +593,6 @@ KNOWN = {
     "gadau_line.yaml": ["implausible_start"],  # on purpose
     "gadau_near.yaml": ["ineffective_gates", "implausible_start"],
     "gadau_pentagon.yaml": ["ineffective_gates", "implausible_start"],
-    # Tags that are 0.28 m apart show a heading to a third of a radian; noise is white to a check.
-    "lias_triangle.yaml": ["unobservable_states", "sigma_against_the_scatter"],
     "mrpt_office.yaml": ["outliers_by_anchor"],  # beacon 1 is wrong by up to 13 m
     "rcv_drone.yaml": ["unobservable_states"],  # a single tag, no odometry: no heading
     "plaza.yaml": ["duplicate_rows"],  # two ranges stand there twice

@@ -412,7 +412,7 @@ KINDS: dict[str, tuple[type[Any], Callable[[Estimator], Any], dict[str, str]]] =
                                                       "max_landmarks")},
     }),
     "tag_triangle": (_core.TagTriangleEkfConfig, build_triangle_config, {
-        **{name: name for name in (*SHARED, "range")},
+        **{name: name for name in (*SHARED, "range", "correlation_s")},
         **{name: f"tag_triangle.{name}" for name in ("velocity", "heading_is_known")},
         "motion": "tag_triangle.sigma_velocity_per_sqrt_s",
         "side": "tag_triangle.sigma_side_m",

@@ -48,6 +48,7 @@ class TagTriangleEkf {
     /// been no odometry for a second; else only odometry is.
     bool holds_sides = false;
     double sigma_start_velocity_mps = 0.5;  ///< of each tag, each axis [m/s]
+    double correlation_s = 10.0;            ///< of fixes and ranges, as of a PoseEkf [s]
   };
 
   static constexpr int kTags = 3;
@@ -96,7 +97,8 @@ class TagTriangleEkf {
   /// The belief carried to `stamp`, which must not lie before it.
   [[nodiscard]] PoseEstimate estimate(Stamp stamp) const;
 
-  /// The same filter, started anew. Throws as the constructor does.
+  /// The same filter, started anew; what it has learnt of correlated errors stays. Throws as the
+  /// constructor does.
   [[nodiscard]] TagTriangleEkf restarted(const PoseEstimate& start) const;
 
   /// What became of the sides the last time.
@@ -118,7 +120,7 @@ class TagTriangleEkf {
   Outcome correct(Stamp stamp, const Gate& gate, const Linearize& linearize, const Why& why);
   Outcome take(Stamp begin, Stamp end, const Vector<3>& twist);
   [[nodiscard]] bool lacks_odometry() const;
-  [[nodiscard]] Matrix<1, 6> heading_by_tags(const Pose2& pose) const;
+  [[nodiscard]] Matrix<3, 6> pose_by_tags(const Pose2& pose) const;
   [[nodiscard]] Vector<2> position(int tag) const { return belief_.x.segment<2>(2 * tag); }
 
   std::shared_ptr<const Recipe> recipe_;
@@ -126,6 +128,7 @@ class TagTriangleEkf {
   Outcome sides_;
   bool sides_due_ = false;               // before time moves on
   std::optional<Stamp> odometry_until_;  // end of the last motion
+  double speed_ = 0.0;                   // of that [m/s + rad/s]
 };
 
 }  // namespace locfuse

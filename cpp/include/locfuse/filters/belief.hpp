@@ -122,6 +122,14 @@ class GaussianBelief {
                : with_excess<N>(own, correlated.excess().template topLeftCorner<N, N>());
   }
 
+  /// A covariance and what correlated errors add to it, or the first alone if the sum is none.
+  template <int N>
+  [[nodiscard]] static Matrix<N, N> with_excess(const Matrix<N, N>& own,
+                                                const Matrix<N, N>& excess) {
+    const Matrix<N, N> all = own + 0.5 * (excess + excess.transpose());
+    return all.allFinite() && all.llt().info() == Eigen::Success ? all : own;
+  }
+
   /// Rows of all these slots, in order.
   [[nodiscard]] std::vector<int> rows(Slots slots) const;
   /// Whether these slots, in this order, are all there is, of `dimension` rows.
@@ -186,14 +194,6 @@ class GaussianBelief {
   }
   Layout& own_layout();
   void find_rows();
-  /// Their sum, or the first where it is no covariance.
-  template <int N>
-  [[nodiscard]] static Matrix<N, N> with_excess(const Matrix<N, N>& own,
-                                                const Matrix<N, N>& excess) {
-    const Matrix<N, N> all = own + 0.5 * (excess + excess.transpose());
-    return all.allFinite() && all.llt().info() == Eigen::Success ? all : own;
-  }
-
   std::shared_ptr<Layout> layout_ = std::make_shared<Layout>();  // written only while not shared
 };
 
