@@ -39,6 +39,12 @@ std::vector<PositionFix> epoch_at(const Pose2& pose, Stamp stamp = 0) {
   return {fix_of(0, pose, stamp), fix_of(1, pose, stamp), fix_of(2, pose, stamp)};
 }
 
+TagTriangleEkf::Config independent() {
+  TagTriangleEkf::Config config;
+  config.correlation_s = 0.0;
+  return config;
+}
+
 Eigen::MatrixXd P_of(const TagTriangleEkf& ekf) { return ekf.belief().P; }
 
 TEST(TagTriangleEkf, starts_from_a_pose_with_the_tags_where_it_has_them) {
@@ -178,7 +184,7 @@ TEST(TagTriangleEkf, the_way_it_goes_tells_the_heading_unless_that_is_taken_as_k
 TEST(TagTriangleEkf, the_pose_is_that_of_the_rigid_fit_of_its_tags) {
   testing::Scrubber run;
   testing::drive(run, 1, 20.0);
-  TagTriangleEkf ekf({}, {{}, triangle()}, run.start);
+  TagTriangleEkf ekf(independent(), {{}, triangle()}, run.start);
   for (const Message& message : run.messages) {
     ekf.on(message);
   }
@@ -245,7 +251,7 @@ TEST(TagTriangleEkf, ranges_of_the_tags_stand_in_for_an_rtls) {
 }
 
 TEST(TagTriangleEkf, sides_held_without_odometry_make_tags_surer_and_the_pose_as_sure) {
-  TagTriangleEkf loose({}, {{}, triangle()}, PoseEstimate{0, {3.0, 4.0, 0.1}, kP});
+  TagTriangleEkf loose(independent(), {{}, triangle()}, PoseEstimate{0, {3.0, 4.0, 0.1}, kP});
   TagTriangleEkf held = loose;
   for (int i = 1; i <= 40; ++i) {
     for (const PositionFix& z : epoch_at(kPose, i * kSecond)) {

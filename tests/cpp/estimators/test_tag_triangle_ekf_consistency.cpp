@@ -185,11 +185,11 @@ TEST(TagTriangleEkf, errors_that_last_move_nothing_but_the_covariance_that_is_re
   config.correlation_s = 0.0;
   TagTriangleEkf independent(config, {{}, testing::triangle()}, run.start);
   for (const Message& message : run.messages) {
-    EXPECT_EQ(lasting.on(message), independent.on(message));
+    EXPECT_EQ(lasting.on(message).nis, independent.on(message).nis);
   }
   EXPECT_EQ(lasting.belief().x, independent.belief().x);
   EXPECT_EQ(lasting.belief().P, independent.belief().P);
-  EXPECT_EQ(lasting.pose(), independent.pose());
+  EXPECT_EQ(lasting.pose().heading, independent.pose().heading);
   EXPECT_GT(lasting.estimate().covariance.trace(), independent.estimate().covariance.trace());
 }
 
