@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import operator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -63,10 +65,8 @@ def test_a_search_is_not_sure_of_another_place_by_a_door_that_the_map_lacks() ->
     begin, end = (int(log["scans"]["stamp_ns"][row]) for row in (0, -1))
     for seed in (16, 20, 24):
         first = begin + round(0.7 * (end - begin) * seed / 39)
-        drive = map_localization.excerpt(
-            log,
-            lambda stamps, first=first: (stamps >= first) & (stamps < first + 120 * NANOSECONDS),
-        )
+        rest = map_localization.excerpt(log, partial(operator.le, first))
+        drive = map_localization.excerpt(rest, partial(operator.gt, first + 120 * NANOSECONDS))
         found = localize(config.model_copy(update={"seed": seed}), drive)
         good, _ = map_localization.right(found.estimate, truth)
         ready = found.ready[errors_against(found.estimate, truth).row]
