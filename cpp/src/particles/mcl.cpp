@@ -145,7 +145,6 @@ void Mcl::restart(Stamp stamp, bool anywhere) {
   tracking_.stationary_scans = TrackingTuning::kStationaryScans;
   sharpness_.reset();
   recovery_.reset();
-  seen_.reset();
   health_.stop();
 }
 
@@ -197,8 +196,6 @@ bool Mcl::advance_unless_stale(Stamp stamp) {
 void Mcl::drive(const OdometryMotion& model, const Pose2& motion, Stamp until,
                 const std::optional<Vector<3>>& variance) {
   filter_.add_motion(model, motion, until, variance);
-  const double per_cell = 1.0 / recipe_->grid().resolution();
-  tracking_.way = tracking_.way * Pose2{motion.x * per_cell, motion.y * per_cell, motion.heading};
   tracking_.since_scan.for_each([&](Way& way) {
     way.travelled += motion.position().norm();
     way.turned += std::abs(motion.heading);
@@ -334,16 +331,9 @@ internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoint
   const double best = filter_.best_log_likelihood();
   const bool was_tracking = tracking_.is_tracking;
   update_tracking(scan);
-  const auto count = static_cast<double>(points.x.size());
-  double independent =
+  const double independent =
       tracking_.is_tracking ? config.independent_beams : config.independent_beams_searching;
-  if (tracking_.is_searching && !tracking_.is_tracking) {
-    tracking_.news +=
-        config.independent_beams * seen_.news(points, tracking_.way, recipe_->grid().resolution());
-    tracking_.news = std::min(tracking_.news, config.independent_beams);
-    independent = std::max(tracking_.news, internal::SeenSurfacesTuning::kMinBeams);
-  }
-  const double share = std::min(1.0, independent / count);
+  const double share = std::min(1.0, independent / static_cast<double>(points.x.size()));
   if (recipe_->beams) {
     filter_.weigh(*recipe_->beams, rest ? *rest : scan);
   } else if (rest) {
@@ -352,7 +342,6 @@ internal::UsedScan Mcl::weigh_and_resample(const LaserScan& scan, const EndPoint
                                           *rest, static_cast<int>(std::ceil(part * config.beams))));
   }
   resample(share);
-  tracking_.news = std::max(0.0, tracking_.news - filter_.used_share() * count);
   return {points, share, best, was_tracking && !tracking_.is_tracking};
 }
 
@@ -376,10 +365,7 @@ void Mcl::report_scan(const LaserScan& z, const ScanEvidence& before) {
 }
 
 void Mcl::sharpen_map(const EndPoints& points) {
-  if (tracking_.is_searching && tracking_.is_tracking) {
-    tracking_.is_searching = false;
-    seen_.reset();
-  }
+  tracking_.is_searching = tracking_.is_searching && !tracking_.is_tracking;
   const bool is_sharp = sharpness_.update(
       points, filter_.best().estimate, tracking_.is_searching ? filter_.particle_spacing() : 0.0);
   if (tracking_.is_tracking && is_sharp) {
@@ -388,9 +374,7 @@ void Mcl::sharpen_map(const EndPoints& points) {
 }
 
 void Mcl::recover(const internal::UsedScan& scan) {
-  const bool one_place_fits = tracking_.is_searching && sharpness_.fit_is_nominal() &&
-                              filter_.best().probability > TrackingTuning::kMinProbability;
-  if (tracking_.is_tracking || one_place_fits) {
+  if (tracking_.is_tracking) {
     recovery_.pause();
   } else {
     recovery_.update(scan, sharpness_, filter_, keys_);
@@ -404,9 +388,7 @@ void Mcl::start_health() {
 }
 
 void Mcl::resample(double max_share) {
-  filter_.resample({max_share, tracking_.is_searching, ready(),
-                    tracking_.is_searching ? sharpness_.likeliest_sigma() : 0.0},
-                   keys_);
+  filter_.resample({max_share, tracking_.is_searching, ready()}, keys_);
 }
 
 template <class Model, class Message, class Why>

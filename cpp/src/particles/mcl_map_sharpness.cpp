@@ -21,13 +21,11 @@ bool MapSharpness::update(const EndPoints& points, const PoseEstimate& here,
   average_evidence(seen, points.x.size());
   const auto likeliest = static_cast<std::size_t>(
       std::max_element(evidence_.begin(), evidence_.end()) - evidence_.begin());
-  likeliest_ = likeliest;
   std::size_t fitting = likeliest;
   // Under a field narrower than the estimate, or than particles are apart, chance decides: no
   // particle is at the true pose.
   const Matrix<3, 3>& P = here.covariance;
-  const double spread =
-      particle_spacing > 0.0 ? particle_spacing : std::sqrt(std::max(P(0, 0), P(1, 1)));
+  const double spread = std::max(std::sqrt(std::max(P(0, 0), P(1, 1))), particle_spacing);
   while (fitting + 1 < recipe_->fields.size() &&
          recipe_->fields[fitting].config().sigma_hit_m < spread) {
     ++fitting;

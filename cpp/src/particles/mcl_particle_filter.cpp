@@ -193,7 +193,7 @@ void ParticleFilter::resample(const Resampling& how, RandomKeys& keys) {
     if (how.roughen) {
       roughen(keys);
     }
-    adapt_size(how.spacing_m);
+    adapt_size();
   }
   cluster();
 }
@@ -211,14 +211,12 @@ void ParticleFilter::roughen(RandomKeys& keys) {
   added_variance_.setZero();
 }
 
-/// Number of particles by KLD sampling, or as many as are so close together.
-void ParticleFilter::adapt_size(double spacing_m) {
+/// Number of particles by KLD sampling.
+void ParticleFilter::adapt_size() {
   const MclConfig& config = recipe_->config;
   if (config.min_particles < config.max_particles) {
-    const int occupied = occupied_bins(belief_, recipe_->bins(), 0.0);
-    const double close = spacing_m > 0.0 ? occupied * std::pow(config.bin_m / spacing_m, 3) : 0.0;
-    const double wanted =
-        std::max(kld_particles(occupied, config.kld_error, config.kld_quantile), close);
+    const double wanted = kld_particles(occupied_bins(belief_, recipe_->bins(), 0.0),
+                                        config.kld_error, config.kld_quantile);
     target_ =
         static_cast<int>(std::min(std::max({wanted, ParticleFilterTuning::kMinShrinkage * target_,
                                             static_cast<double>(config.min_particles)}),

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 
 /// Constants of an Mcl that are not settings. Equations are those of docs/models/particles.md.
@@ -61,18 +60,6 @@ struct MapSharpnessTuning {
   static constexpr double kExplainedWeight = 0.1;
   /// Maximum sigma of an estimate that has settled, in sigma_hit.
   static constexpr double kSettledSigma = 0.5;
-};
-
-/// Section "What is news" of the page on particles.
-struct SeenSurfacesTuning {
-  /// Side of a piece of surface whose error is one [m], up to what range, from where on it doubles
-  /// with the range [m].
-  static constexpr double kSide = 0.25;
-  static constexpr double kNear = 5.0;
-  /// Pieces that are remembered, about.
-  static constexpr std::size_t kEntries = std::size_t{1} << 15U;
-  /// Beams that a scan without news counts for.
-  static constexpr double kMinBeams = 0.1;
 };
 
 struct RecoveryTuning {

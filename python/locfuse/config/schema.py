@@ -760,7 +760,7 @@ class Mcl(Strict):
     independent_beams_searching: Annotated[float, Field(ge=1e-3, le=1e6)] = (
         struct.independent_beams_searching
     )
-    """The same of a robot that was found and is lost."""
+    """The same during global localization."""
     proposal: Literal["odometry", "scan_match", "line_ekf", "line_ekf_paper"] = "odometry"
     """Where particles of a tracked robot [are
     drawn](models/particles.md#drawing-where-the-scan-says).

@@ -8,7 +8,6 @@
 #include "locfuse/particles/mcl_map_sharpness.hpp"
 #include "locfuse/particles/mcl_particle_filter.hpp"
 #include "locfuse/particles/mcl_recovery.hpp"
-#include "locfuse/particles/mcl_seen_surfaces.hpp"
 #include "support/rooms.hpp"
 
 namespace locfuse::internal {
@@ -35,38 +34,6 @@ struct World {
 
 PoseEstimate near(const Pose2& pose, double sigma) {
   return {0, pose, sigma * sigma * Matrix<3, 3>::Identity()};
-}
-
-TEST(SeenSurfaces, what_was_seen_is_no_news) {
-  const double resolution = 0.1;
-  EndPoints wall;  // of 5 m, a beam each 10 cm, 4 m to the left
-  for (int i = 0; i < 50; ++i) {
-    wall.x.push_back(static_cast<float>(i) - 25.0F);
-    wall.y.push_back(40.0F);
-  }
-  SeenSurfaces seen;
-  const double first = seen.news(wall, {}, resolution);
-  EXPECT_GT(first, 0.3);  // pieces of 25 cm, each seen by two or three beams
-  EXPECT_LE(first, 0.5);
-  EXPECT_EQ(seen.news(wall, {}, resolution), 0.0);
-  // The same wall by a robot that has moved on along it: half of what it sees is new.
-  const Pose2 on{25.0, 0.0, 0.0};
-  EXPECT_NEAR(seen.news(wall, on, resolution), 0.5 * first, 0.05);
-  seen.reset();
-  EXPECT_EQ(seen.news(wall, {}, resolution), first);
-}
-
-TEST(SeenSurfaces, pieces_grow_with_the_range) {
-  const auto news_at = [](float range) {
-    EndPoints points;
-    for (int i = 0; i < 40; ++i) {
-      points.x.push_back(range);
-      points.y.push_back(2.0F * static_cast<float>(i));  // 20 cm apart
-    }
-    return SeenSurfaces().news(points, {}, 0.1);
-  };
-  EXPECT_GT(news_at(20.0F), 0.5);   // 2 m to 8 m
-  EXPECT_LT(news_at(390.0F), 0.2);  // 40 m
 }
 
 TEST(MclRecipe, cells_and_world_are_inverse) {

@@ -3,18 +3,14 @@
 
 from __future__ import annotations
 
-import operator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from locfuse.eval.errors import errors_against
 from locfuse.run.mcl import localize
 from locfuse.run.messages import truth_of
-from locfuse.types import NANOSECONDS, Trajectory
+from locfuse.types import Trajectory
 from papers.recordings import map_localization
-from support_runs import CONFIGS, recording
 
 
 def line(offset_m: float, turn: float = 0.0) -> Trajectory:
@@ -53,24 +49,6 @@ def test_a_simulated_floor_is_tracked_to_centimetres_and_with_one_beam_it_is_not
         localize(blind, log, start=map_localization.drawn(log, 3)).estimate, truth
     )
     assert not lost.all()
-
-
-def test_a_search_is_not_sure_of_another_place_by_a_door_that_the_map_lacks() -> None:
-    """In the corridor of Wean Hall 3 the true place is contradicted wherever that door is seen."""
-    recording("wean-hall")
-    mcl = {"min_particles": 500, "max_particles": 20_000}
-    config, log = map_localization.recorded(CONFIGS, "Wean Hall 3", start="auto", mcl=mcl)
-    truth = truth_of(log)
-    assert truth is not None
-    begin, end = (int(log["scans"]["stamp_ns"][row]) for row in (0, -1))
-    for seed in (16, 20, 24):
-        first = begin + round(0.7 * (end - begin) * seed / 39)
-        rest = map_localization.excerpt(log, partial(operator.le, first))
-        drive = map_localization.excerpt(rest, partial(operator.gt, first + 120 * NANOSECONDS))
-        found = localize(config.model_copy(update={"seed": seed}), drive)
-        good, _ = map_localization.right(found.estimate, truth)
-        ready = found.ready[errors_against(found.estimate, truth).row]
-        assert not (ready & ~good).any(), seed
 
 
 def test_recordings_that_are_not_there_are_rows_that_say_so(tmp_path: Path) -> None:

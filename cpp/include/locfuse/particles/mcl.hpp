@@ -18,7 +18,6 @@
 #include "locfuse/particles/mcl_particle_filter.hpp"
 #include "locfuse/particles/mcl_recipe.hpp"
 #include "locfuse/particles/mcl_recovery.hpp"
-#include "locfuse/particles/mcl_seen_surfaces.hpp"
 #include "locfuse/recovery/health.hpp"
 #include "locfuse/recovery/pose_watch.hpp"
 
@@ -124,8 +123,6 @@ class Mcl {
     bool is_tracking = false;            // one cluster outweighs all others, and scans fit
     int stationary_scans = 0;            // of any laser that may still be used without motion
     internal::PerLaser<Way> since_scan;  // since the last one used, after the start
-    Pose2 way;                           // since the start, by odometry [cells]
-    double news = 0.0;                   // of scans that have not counted yet [beams]
   };
 
   [[nodiscard]] PoseEstimate believed() const;
@@ -160,7 +157,6 @@ class Mcl {
   internal::ParticleFilter filter_;
   internal::MapSharpness sharpness_;
   internal::ParticleRecovery recovery_;
-  internal::SeenSurfaces seen_;
   internal::MclHealth health_;
   std::optional<PoseWatch> watch_;
   internal::RandomKeys keys_;

@@ -42,8 +42,7 @@ struct MclConfig {
   int beams = 60;  ///< per scan, evenly spaced among its returns
   /// Independent beams that a scan counts for: neighbouring beams share the map's errors.
   double independent_beams = 10.0;
-  /// The same of a robot that was found and is lost: smaller, so that no place is discarded early.
-  /// During global localization a scan counts by what it shows anew.
+  /// The same during global localization: smaller, so that no place is discarded early.
   double independent_beams_searching = 2.0;
   double effective_share = 0.2;  ///< minimum share of effective particles after a measurement
   double outlier_share = 0.01;   ///< of ranges, positions and poses

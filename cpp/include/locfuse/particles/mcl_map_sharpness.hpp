@@ -18,7 +18,7 @@ class MapSharpness {
   /// Forgets all scans; the widest field comes first.
   void reset();
   /// Goes back to the widest field.
-  void widen() { likeliest_ = level_ = recipe_->fields.size() - 1; }
+  void widen() { level_ = recipe_->fields.size() - 1; }
   /// Evaluates a scan at the estimate and moves a field towards the one that fits best, but none
   /// narrower than the estimate or `particle_spacing` [m]. Returns whether the field in use is as
   /// narrow as the likeliest one, and the estimate narrower.
@@ -28,10 +28,6 @@ class MapSharpness {
   [[nodiscard]] std::size_t level() const { return level_; }
   [[nodiscard]] const LikelihoodField& field() const { return recipe_->fields[level_]; }
   [[nodiscard]] double sigma_hit() const { return field().config().sigma_hit_m; }
-  /// Sigma of the field that fits best, which may be narrower [m].
-  [[nodiscard]] double likeliest_sigma() const {
-    return recipe_->fields[likeliest_].config().sigma_hit_m;
-  }
   /// Whether scans fit at the estimate as well as usual (config.most_drop, config.min_explained).
   [[nodiscard]] bool fit_is_nominal() const;
   /// Share of the last scan's end points that a wall explains.
@@ -43,7 +39,6 @@ class MapSharpness {
   std::shared_ptr<const MclRecipe> recipe_;
   std::vector<double> evidence_;  // mean log density of an end point, per field, averaged [nats]
   std::size_t level_ = 0;
-  std::size_t likeliest_ = 0;
   double explained_ = 0.0;
   double mean_explained_ = 1.0;
   double usual_evidence_ = 0.0;  // of the field that fits best, slowly averaged [nats]

@@ -83,7 +83,6 @@ class ParticleFilter {
     double max_share = 1.0;  ///< of the information of the measurement that is used
     bool by_bin = false;     ///< keep the weight of each bin
     bool roughen = false;    ///< spread copies of a particle
-    double spacing_m = 0.0;  ///< how far apart particles may be at most; 0: no matter
   };
   /// Updates weights, resamples where too few particles are effective, and clusters.
   void resample(const Resampling& how, RandomKeys& keys);
@@ -120,7 +119,7 @@ class ParticleFilter {
   void draw_near(int begin, int end, const PoseEstimate& pose, std::uint64_t key);
   void finish_propagation(const UncertainMotion& step);
   void roughen(RandomKeys& keys);
-  void adapt_size(double spacing_m);
+  void adapt_size();
   void cluster();
 
   std::shared_ptr<const MclRecipe> recipe_;
