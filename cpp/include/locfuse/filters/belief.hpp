@@ -194,6 +194,7 @@ class GaussianBelief {
   }
   Layout& own_layout();
   void find_rows();
+
   std::shared_ptr<Layout> layout_ = std::make_shared<Layout>();  // written only while not shared
 };
 
